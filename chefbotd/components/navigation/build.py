@@ -49,6 +49,7 @@ def navigation_skill_parameters(settings: Settings, folder: Path) -> NavigationS
         half_width_m=0.0 if box is None else box.half_width_m,
         navigation=section.model_copy(update={"max_speed_m_s": speed_m_s}),
         silent_speed_m_s=settings.safety.encoders.silent_speed_m_s,
+        limits=settings.limits,
         guard_stop_m=guards[0],
         guard_clearance_m=guards[1],
         cameras=tuple(scanner.name for scanner in settings.further_scanners),

@@ -25,7 +25,6 @@ from chefbotd.components.navigation.algorithms.navigator import Navigator
 from chefbotd.components.navigation.algorithms.outline import Footprint
 from chefbotd.components.navigation.algorithms.path import Goal, NoPath, Path
 from chefbotd.components.navigation.algorithms.states import GoalState
-from chefbotd.components.navigation.algorithms.steering import FollowerLimits
 from chefbotd.components.navigation.algorithms.warm import warm
 from chefbotd.components.navigation.algorithms.world_model import ground_costs
 from chefbotd.components.navigation.algorithms.zone_effects import (
@@ -35,6 +34,7 @@ from chefbotd.components.navigation.algorithms.zone_effects import (
 )
 from chefbotd.components.navigation.algorithms.zones import require_affordable
 from chefbotd.components.navigation.events import GoalResult, NavigationData, PathData, PlanResult
+from chefbotd.components.navigation.robot_limits import agility_of, follower_limits
 from chefbotd.components.navigation.skill_requests import (
     GoalAsked,
     MapChecked,
@@ -82,7 +82,8 @@ class NavigationSkill:
         settings = NavigationSkillParameters.model_validate_json(parameters)
         self._params = NavigationParameters(
             outline=_outline(settings),
-            follower=_follower(settings),
+            follower=follower_limits(settings),
+            agility=agility_of(settings.limits),
             silent_speed_m_s=settings.silent_speed_m_s,
             unknown_space=settings.navigation.unknown_space,
             comfort_m=settings.navigation.comfort_m,
@@ -422,12 +423,6 @@ def _outline(parameters: NavigationSkillParameters) -> Footprint:
         return Footprint(radius_m=parameters.radius_m)
     x, y = parameters.half_length_m, parameters.half_width_m
     return Footprint(corners_m=((x, y), (-x, y), (-x, -y), (x, -y)))
-
-
-def _follower(parameters: NavigationSkillParameters) -> FollowerLimits:
-    return FollowerLimits(
-        max_speed_m_s=min(FollowerLimits().max_speed_m_s, parameters.navigation.max_speed_m_s)
-    )
 
 
 def _goal(asked: GoalAsked) -> Goal:

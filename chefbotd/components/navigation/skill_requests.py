@@ -15,6 +15,7 @@ from chefbotd.components.worker.messages import Message
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.parameters import Parameters
 from chefbotd.core.record import Record
+from chefbotd.motion.limits import MotionLimits
 
 SKILL: Final = "navigation"
 
@@ -27,6 +28,7 @@ class NavigationSkillParameters(Parameters):
     ``cameras`` are the depth cameras whose scans count beside those by which localization finds the way;
     ``range_mounts`` are the ultrasonic and infrared sensors: ``base_from_sensor`` (x, y, heading) by name.
     ``guard_stop_m`` before what is ahead, and ``guard_clearance_m`` all round: there the guards stop the robot.
+    ``limits`` are the configured ones of the robot as a whole; None: nothing is known of them.
     ``silent_speed_m_s`` is what the gate lets a rim go while the board waits for echoes that do not come.
     """
 
@@ -36,6 +38,7 @@ class NavigationSkillParameters(Parameters):
     half_width_m: float
     navigation: NavigationSection
     silent_speed_m_s: float
+    limits: MotionLimits | None = None
     guard_stop_m: float = 0.0
     guard_clearance_m: float = 0.0
     cameras: tuple[str, ...] = ()

@@ -11,7 +11,7 @@ import numpy as np
 
 from chefbotd.components.navigation.algorithms.arcs import CREEP_M_S, along_arc
 from chefbotd.components.navigation.algorithms.beside_people import CLOSE_M
-from chefbotd.components.navigation.algorithms.evade import BRAKING_M_S2, SPEED_M_S
+from chefbotd.components.navigation.algorithms.evade import AGILE, BRAKING_M_S2, SPEED_M_S, Agility
 from chefbotd.components.navigation.algorithms.grid import Floats
 from chefbotd.components.navigation.algorithms.outline import Footprint, clearance_m
 from chefbotd.components.navigation.algorithms.surroundings import Surroundings
@@ -19,12 +19,13 @@ from chefbotd.components.worker.compiled import kernel
 from chefbotd.core.geometry import STANDING, Twist2D
 
 AHEAD_S, STEP_S = 1.0, 0.04
+"""It looks so far ahead, or as long as it needs to stand if that is longer."""
 
 HELD_S: Final = 0.08
 """It can brake only so long after it has chosen a motion: two steps."""
 
 DECELERATION_M_S2: Final = 0.75
-"""It brakes so fast."""
+"""It is expected to brake so fast, if its limits allow it: three quarters of ChefBot's, whose motors are assumed."""
 
 STANDS_M: Final = 0.05
 """Nearer than this it stands: a predicted gap may be wrong by so much."""
@@ -60,11 +61,17 @@ SAME_M_S: Final = 0.005
 
 
 def brake_for_people(
-    outline: Footprint, near: Surroundings, last: Twist2D, twist: Twist2D | None, wish: Twist2D | None
+    outline: Footprint,
+    near: Surroundings,
+    last: Twist2D,
+    twist: Twist2D | None,
+    wish: Twist2D | None,
+    agility: Agility = AGILE,
 ) -> Twist2D | None:
     """``twist``, or the faster ``wish`` where only that keeps people away, or a slower twist, or standing.
 
-    ``last`` is driven now. Nobody who stands, and no chair that only seems to move, makes a difference.
+    ``last`` is driven now, and ``agility`` is how fast the robot's limits let that change. Nobody who stands, and no
+    chair that only seems to move, makes a difference.
     """
     walks = near.velocity_m_s.any(axis=1)
     if near.is_walker is not None:
@@ -75,9 +82,13 @@ def brake_for_people(
         return twist
     points, velocity, going_m_s = near.points_m[walks], near.velocity_m_s[walks], last.linear_m_s
     curvature = arc.angular_rad_s / arc.linear_m_s
+    gains = min(BRAKING_M_S2, agility.acceleration_m_s2)
+    brakes = min(DECELERATION_M_S2, agility.deceleration_m_s2)
+    fastest_m_s = max(abs(going_m_s), abs(chosen.linear_m_s), SPEED_M_S)
+    ahead_s = max(AHEAD_S, HELD_S + fastest_m_s / brakes)
 
     def meet(speed_m_s: float, curvature: float, held_s: float) -> tuple[bool, float, float]:
-        motion = np.array([going_m_s, speed_m_s, curvature, held_s])
+        motion = np.array([going_m_s, speed_m_s, curvature, held_s, gains, brakes, ahead_s])
         return _meet(outline.hull, outline.pad_m, points, velocity, motion)
 
     is_too_fast, _, _ = meet(chosen.linear_m_s, curvature, HELD_S)
@@ -116,13 +127,14 @@ def _meet(
 
     It changes its speed to another along an arc, and brakes after a time.
     """
-    going, target, curvature, held_s = motion
+    going, target, curvature, held_s, gains, brakes, ahead_s = motion
     is_too_fast, moving_m, least_m, before_m, s = False, math.inf, math.inf, math.inf, 0.0
-    for k in range(int(AHEAD_S / STEP_S) + 1):
+    for k in range(int(ahead_s / STEP_S) + 1):
         if k > 0:
             before = going
             commanded = target if k * STEP_S <= held_s + 1e-9 else 0.0
-            going += min(max(commanded - going, -DECELERATION_M_S2 * STEP_S), BRAKING_M_S2 * STEP_S)
+            change = gains if abs(commanded) > abs(going) else brakes
+            going += min(max(commanded - going, -change * STEP_S), change * STEP_S)
             s += (before + going) / 2 * STEP_S
         x, y, heading = along_arc(s, curvature)
         cos, sin, gap_m = math.cos(heading), math.sin(heading), math.inf

@@ -59,7 +59,7 @@ PASSED_S: Final = 4.0
 
 SPEED_M_S: Final = 0.25
 BRAKING_M_S2: Final = 0.75
-"""The robot is expected to accelerate and brake so fast."""
+"""The robot is expected to accelerate and brake so fast, if its limits allow it: three quarters of ChefBot's."""
 
 MOST_M: Final = 0.8
 """From a person who is faster it goes no farther than this from where it stood: he would catch up with it anyhow."""
@@ -73,6 +73,17 @@ FAST_M_S: Final = 0.4
 """if he is faster than this: anybody slower can be evaded to the end."""
 
 
+class Agility(Record, frozen=True):
+    """How fast the robot's own limits let it gain and lose speed, in m/s²."""
+
+    acceleration_m_s2: float = math.inf
+    deceleration_m_s2: float = math.inf
+
+
+AGILE: Final = Agility()
+"""A robot that is held by no limits."""
+
+
 def evading_twist(
     outline: Footprint,
     surroundings: Surroundings,
@@ -81,6 +92,7 @@ def evading_twist(
     *,
     is_stuck: bool,
     only_touch: bool = False,
+    agility: Agility = AGILE,
 ) -> Twist2D | None:
     """The twist that evades, ``away_m`` from where the robot stood; None: stay.
 
@@ -91,7 +103,7 @@ def evading_twist(
     if coming is None or away_m > _most_m(coming):
         return None
     standing = standing_only(surroundings)
-    search = _Search(outline, last, coming, standing)
+    search = _Search(outline, last, coming, standing, agility)
     stay_m = search.least_m(0.0, 0.0, FORESIGHT_S)
     if stay_m >= (TOUCH_M if only_touch else ROOM_M):
         return None
@@ -115,14 +127,15 @@ class _Search(Record, frozen=True):
     last: Twist2D
     coming: _Coming
     standing: Surroundings
+    agility: Agility = AGILE
 
     def least_m(self, curvature: float, length_m: float, within_s: float) -> float:
         """How near anybody comes while the robot goes along an arc, and stands then."""
         going_m_s = self.last.linear_m_s
-        numbers = np.array(
-            [self.outline.pad_m, curvature, length_m, SPEED_M_S, within_s, going_m_s, BRAKING_M_S2]
-        )
-        coming = self.coming
+        gains, brakes = self.agility.acceleration_m_s2, self.agility.deceleration_m_s2
+        changes = [min(BRAKING_M_S2, gains), min(BRAKING_M_S2, brakes)]
+        motion = [curvature, length_m, SPEED_M_S, within_s, going_m_s, *changes]
+        numbers, coming = np.array([self.outline.pad_m, *motion]), self.coming
         return float(_least_m(self.outline.hull, coming.points_m, coming.velocity_m_s, coming.waits, numbers))
 
     def best(self, stay_m: float, wall_m: float) -> Twist2D | None:
@@ -186,17 +199,18 @@ def _least_m(hull: Floats, points: Floats, velocity: Floats, waits: Flags, numbe
 
     It begins with its present speed, and changes that as fast as it can. A person who waits goes on when it stands.
     """
-    pad_m, curvature, length_m, speed, foresight_s, going, braking = numbers
+    pad_m, curvature, length_m, speed, foresight_s, going, gains, brakes = numbers
     least, arrives_s, s = math.inf, 0.0, 0.0
     if length_m != 0.0 and waits.any():
-        arrives_s = speed / braking + abs(length_m) / speed
+        arrives_s = (speed / gains + speed / brakes) / 2 + abs(length_m) / speed
     for k in range(int((foresight_s + arrives_s) / STEP_S) + 1):
         time_s = k * STEP_S
         if k > 0:
             left_m = length_m - s
-            target = math.copysign(min(speed, math.sqrt(2 * braking * abs(left_m))), left_m)
+            target = math.copysign(min(speed, math.sqrt(2 * brakes * abs(left_m))), left_m)
             target = target if length_m != 0.0 and abs(left_m) > 0.005 else 0.0
-            going += min(max(target - going, -braking * STEP_S), braking * STEP_S)
+            change = gains if abs(target) > abs(going) and target * going >= 0.0 else brakes
+            going += min(max(target - going, -change * STEP_S), change * STEP_S)
             s += going * STEP_S
         x, y, heading = along_arc(s, curvature)
         cos, sin = math.cos(heading), math.sin(heading)
@@ -209,31 +223,39 @@ def _least_m(hull: Floats, points: Floats, velocity: Floats, waits: Flags, numbe
 
 
 def safest(
-    outline: Footprint, surroundings: Surroundings, last: Twist2D, twist: Twist2D | None
+    outline: Footprint,
+    surroundings: Surroundings,
+    last: Twist2D,
+    twist: Twist2D | None,
+    agility: Agility = AGILE,
 ) -> Twist2D | None:
     """The twist; None, to brake, if a person would soon touch a robot that drives so, and comes no nearer then."""
     people = _walking(surroundings, FAST_M_S)
     if twist is None or abs(twist.linear_m_s) < 1e-3 or not len(people.points_m):
         return twist
-    search, speed_m_s = (
-        _Search(outline, last, people, surroundings),
-        math.copysign(SPEED_M_S, twist.linear_m_s),
-    )
-    length_m = speed_m_s * (STANDS_S + SPEED_M_S / BRAKING_M_S2)  # so that it does not brake within that time
+    search = _Search(outline, last, people, surroundings, agility)
+    length_m = math.copysign(_without_braking_m(agility, STANDS_S), twist.linear_m_s)
     driving_m = search.least_m(twist.angular_rad_s / twist.linear_m_s, length_m, STANDS_S)
     stands = driving_m < TOUCH_M and search.least_m(0.0, 0.0, STANDS_S) >= driving_m
     return None if stands else twist
 
 
-def will_be_touched(outline: Footprint, surroundings: Surroundings, last: Twist2D, twist: Twist2D) -> bool:
+def _without_braking_m(agility: Agility, within_s: float) -> float:
+    """An arc so long that the robot does not brake for its end within that time."""
+    return SPEED_M_S * (within_s + SPEED_M_S / min(BRAKING_M_S2, agility.deceleration_m_s2))
+
+
+def will_be_touched(
+    outline: Footprint, surroundings: Surroundings, last: Twist2D, twist: Twist2D, agility: Agility = AGILE
+) -> bool:
     """Whether somebody fast would walk into the robot where it drives on as now, and nearly as far where it stands."""
     people = _walking(surroundings, FAST_M_S)
     if not len(people.points_m) or twist.linear_m_s < 1e-3:
         return False
-    search = _Search(outline, last, people, surroundings)
+    search = _Search(outline, last, people, surroundings, agility)
     stay_m = search.least_m(0.0, 0.0, FORESIGHT_S)
     if stay_m >= TOUCH_M:
         return False
-    length_m = SPEED_M_S * (FORESIGHT_S + SPEED_M_S / BRAKING_M_S2)
+    length_m = _without_braking_m(agility, FORESIGHT_S)
     driving_m = search.least_m(twist.angular_rad_s / twist.linear_m_s, length_m, FORESIGHT_S)
     return driving_m < min(0.0, stay_m + GAIN_M)

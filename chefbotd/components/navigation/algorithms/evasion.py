@@ -28,7 +28,7 @@ MOST_FOR_GOAL_M: Final = 4.0
 
 
 EVADES_M_S2: Final = 1.0
-"""It makes way so fast from a stand, which is what ChefBot's limits allow; slower robots are held by theirs."""
+"""It makes way so fast from a stand, which is what ChefBot's limits allow, or as its own limits allow."""
 
 CALM_S = 3.0
 """After so long without an evasion the next one is counted from its own start."""
@@ -74,21 +74,29 @@ def evade(
     goal evades nobody who is slow. Who stands where the robot ``waits`` for him has not stopped for it: he is evaded
     when he walks.
     """
-    pose, start = surroundings.grid_from_base, evasion.grid_from_start
+    pose, start, agility = surroundings.grid_from_base, evasion.grid_from_start, params.agility
     evasion = _count_evasion(evasion, inputs, pose)
     surroundings = _without_followers(params.outline, surroundings, evasion, inputs.now_s, arrives=arrives)
     goes = twist is not None and twist.linear_m_s > 0.0 and not is_blocked
-    is_safe = twist is not None and not will_be_touched(params.outline, surroundings, inputs.last, twist)
+    is_safe = twist is not None and not will_be_touched(
+        params.outline, surroundings, inputs.last, twist, agility
+    )
     if goes and is_safe and not evasion.is_active:
         evasion = replace(evasion, is_active=False, who=None)
-        return evasion, safest(params.outline, surroundings, inputs.last, twist)
+        return evasion, safest(params.outline, surroundings, inputs.last, twist, agility)
     moves = goes or (not evasion.is_active and inputs.last.linear_m_s > 0.01)
     if start is None or inputs.now_s - evasion.last_s > CALM_S:
         start = pose
     away_m = math.hypot(pose.x_m - start.x_m, pose.y_m - start.y_m)
     is_stuck = (evasion.is_active or twist is None or abs(twist.angular_rad_s) < 0.05) and not waits
     evading = evading_twist(
-        params.outline, surroundings, inputs.last, away_m, is_stuck=is_stuck, only_touch=moves
+        params.outline,
+        surroundings,
+        inputs.last,
+        away_m,
+        is_stuck=is_stuck,
+        only_touch=moves,
+        agility=agility,
     )
     who = None if evading is None else _nearest_walker(surroundings)
     if evasion.is_used_up:
@@ -96,9 +104,10 @@ def evade(
     last_s = evasion.last_s if evading is None else inputs.now_s
     evasion = replace(evasion, is_active=evading is not None, last_s=last_s, grid_from_start=start, who=who)
     if evading is not None:
-        hurried = replace(params.follower, acceleration_m_s2=EVADES_M_S2)
+        fastest_m_s2 = min(EVADES_M_S2, agility.acceleration_m_s2)
+        hurried = replace(params.follower, acceleration_m_s2=fastest_m_s2)
         twist = limit_change(hurried, inputs.last, evading, inputs.dt_s)
-    return evasion, safest(params.outline, surroundings, inputs.last, twist)
+    return evasion, safest(params.outline, surroundings, inputs.last, twist, agility)
 
 
 def evasion_sentence(evasion: Evasion, place: Pose2D) -> str:

@@ -3,6 +3,7 @@
 from enum import StrEnum
 
 from chefbotd.components.navigation.algorithms.costmap import COMFORT_M, GuardDistances
+from chefbotd.components.navigation.algorithms.evade import AGILE, Agility
 from chefbotd.components.navigation.algorithms.grid import Floats, Singles
 from chefbotd.components.navigation.algorithms.outline import Footprint
 from chefbotd.components.navigation.algorithms.states import End, GoalState, UnknownSpace
@@ -17,11 +18,12 @@ class NavigationParameters(Record, frozen=True):
     Time limits are ``slower`` times as long. With a scan that is older than ``scan_late_s`` (a busy computer, a lidar
     that skips turns) the robot drives more slowly; without one for ``scan_silent_s`` it stands. The gate lets no rim go
     faster than ``silent_speed_m_s`` while the board waits for echoes that do not come (0: it stands). ``guards`` are the
-    distances at which the gate's guards stop it.
+    distances at which the gate's guards stop it. ``agility`` is how fast the robot's limits let its speed change.
     """
 
     outline: Footprint
     follower: FollowerLimits = FollowerLimits()
+    agility: Agility = AGILE
     unknown_space: UnknownSpace = UnknownSpace.BLOCKED
     comfort_m: float = COMFORT_M
     guards: GuardDistances = GuardDistances(stop_m=0.05, clearance_m=0.02)

@@ -317,7 +317,9 @@ class Navigator:
         slowed = slowed_beside_people(self._params.outline, surroundings, twist)
         if inputs.now_s - self._silent_s < SILENT_BEFORE_S:
             return slowed
-        return brake_for_people(self._params.outline, surroundings, inputs.last, slowed, twist)
+        return brake_for_people(
+            self._params.outline, surroundings, inputs.last, slowed, twist, self._params.agility
+        )
 
     def _settle(self, execution: GoalExecution) -> None:
         """Go on with the next goal if this one has ended."""

@@ -52,4 +52,4 @@ def _meet_somebody(params: NavigationParameters) -> None:
     world.beside(surroundings)
     evading_twist(params.outline, surroundings, STANDING, 0.0, is_stuck=True)
     slowed_beside_people(params.outline, surroundings, Twist2D(0.2, 0.0))
-    brake_for_people(params.outline, surroundings, STANDING, Twist2D(0.2, 0.0), None)
+    brake_for_people(params.outline, surroundings, STANDING, Twist2D(0.2, 0.0), None, params.agility)

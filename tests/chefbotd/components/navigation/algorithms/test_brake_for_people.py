@@ -5,6 +5,7 @@ import pytest
 
 from benchmarks.passings import CREEPS_M_S, passed
 from chefbotd.components.navigation.algorithms.brake_for_people import brake_for_people
+from chefbotd.components.navigation.algorithms.evade import AGILE, Agility
 from chefbotd.components.navigation.algorithms.grid import Singles
 from chefbotd.components.navigation.algorithms.outline import Footprint
 from chefbotd.components.navigation.algorithms.surroundings import Surroundings
@@ -30,13 +31,14 @@ def braked(
     twist: Twist2D = DRIVES,
     wish: Twist2D | None = None,
     walks: bool = True,
+    agility: Agility = AGILE,
 ) -> Twist2D | None:
     """What a robot that drives so, and wants the same, is let do before a point that moves so."""
     near = Surroundings(
         np.array([[x_m, y_m]]), np.array([velocity_m_s]), np.array([0.11]), NO_MAP, 0.05, Pose2D(2, 2),
         speed_m_s=last.linear_m_s, is_walker=np.array([walks]),
     )  # fmt: skip
-    return brake_for_people(ROUND, near, last, twist, wish)
+    return brake_for_people(ROUND, near, last, twist, wish, agility)
 
 
 def test_a_robot_that_he_will_walk_into_drives_on_only_while_it_can_still_stand_before_he_is_within_5_cm() -> (
@@ -52,6 +54,21 @@ def test_a_robot_that_he_will_walk_into_drives_on_only_while_it_can_still_stand_
     assert slower is not None
     assert 0.20 < slower.linear_m_s < 0.25
     assert braked(0.05, 0.18 + 0.30, (0.0, -1.0)) == STANDING
+
+
+def test_a_robot_whose_limits_let_it_brake_slowly_brakes_earlier() -> None:
+    """With 0.3 m/s² it stands in 0.83 s, so 0.91 s are needed: 1.2 m leave 1.15 s, 0.75 m leave 0.7 s.
+
+    With 0.2 m/s² it needs 1.33 s, more than it looks ahead otherwise: 1.2 m are too little, 1.6 m leave 1.55 s.
+    """
+    weak, weaker = Agility(0.3, 0.3), Agility(0.2, 0.2)
+    assert braked(0.10, 0.18 + 1.20, (0.0, -1.0), agility=weak) == DRIVES
+    slower = braked(0.10, 0.18 + 0.75, (0.0, -1.0), agility=weak)
+    assert slower is not None
+    assert slower.linear_m_s < 0.25
+    assert braked(0.10, 0.18 + 0.75, (0.0, -1.0)) == DRIVES
+    assert braked(0.10, 0.18 + 1.20, (0.0, -1.0), agility=weaker) != DRIVES
+    assert braked(0.10, 0.18 + 1.60, (0.0, -1.0), agility=weaker) == DRIVES
 
 
 def test_a_robot_that_creeps_drives_on_longer() -> None:
