@@ -5,6 +5,7 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -179,6 +180,54 @@ def test_a_phone_drives_by_the_joystick(page: Any, robot: RunningRobot) -> None:
         assert moves(client)
         page.mouse.up()
         assert comes_to_rest(client)
+
+
+def choose_another_panel(page: Any) -> None:
+    """By the keyboard."""
+    page.locator("#tab-goals").press("Enter")
+
+
+def close_the_panel(page: Any) -> None:
+    """By its own tab."""
+    page.locator("#tab-drive").press("Enter")
+
+
+def scroll_away(page: Any) -> None:
+    """The panel shows the end of what it has."""
+    page.evaluate("""() => { document.getElementById("panel-drive").style.paddingBottom = "3000px";
+      document.getElementById("panels").scrollTop = 3000; }""")
+
+
+def make_the_window_low(page: Any) -> None:
+    """So low that the joystick has no room in the panel that it had."""
+    page.set_viewport_size({"width": 1280, "height": 170})
+
+
+@pytest.mark.parametrize("hide", [choose_another_panel, close_the_panel, scroll_away, make_the_window_low])
+def test_a_joystick_that_is_not_seen_any_more_drives_nothing(
+    page: Any, daemon: FakeDaemon, hide: Callable[[Any], None]
+) -> None:
+    """Held while it goes out of sight, it is let go; seen again with the button still down, it drives nothing."""
+    show(page, "drive")
+    pad = page.locator("#joystick").bounding_box()
+    middle = (pad["x"] + pad["width"] / 2, pad["y"] + pad["height"] / 2)
+    page.mouse.move(*middle)
+    page.mouse.down()
+    page.mouse.move(middle[0], middle[1] - 40)
+    assert daemon.last("drive")["linear_m_s"] > 0
+    hide(page)
+    ends = [("drive", {"linear_m_s": 0, "angular_rad_s": 0}), ("release_control", {})]
+
+    def last_asked() -> list[tuple[str, dict[str, Any]]]:
+        daemon.was_asked("drive")  # playwright hands over what has come
+        return [each for each in daemon.asked if each[0] in ("drive", "release_control")][-2:]
+
+    assert until(lambda: last_asked() == ends, within_s=10.0)
+    page.mouse.move(middle[0], middle[1] - 20)
+    show(page, "drive")
+    page.mouse.move(middle[0], middle[1] - 30)
+    page.wait_for_timeout(500)  # six times as long as a joystick that drives takes to ask again
+    assert last_asked() == ends
 
 
 GAMEPAD = """() => {

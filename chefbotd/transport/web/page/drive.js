@@ -158,7 +158,8 @@ function gamepads() {
   }
 }
 
-// A round pad under a finger or a mouse: up is ahead, left is left.
+// A round pad under a finger or a mouse: up is ahead, left is left. Out of sight it counts as let go: its panel was closed or
+// scrolled, or the window got too small, and nobody can steer by what is not seen.
 export function joystick(pad, knob, driver) {
   let pointer = null;
   const end = () => {
@@ -186,4 +187,5 @@ export function joystick(pad, knob, driver) {
     pad.addEventListener(name, (event) => { if (event.pointerId === pointer) end(); });
   }
   driver.addEventListener("dead", () => { if (pointer !== null) end(); });
+  new IntersectionObserver((seen) => { if (pointer !== null && !seen.at(-1).isIntersecting) end(); }).observe(pad);
 }
