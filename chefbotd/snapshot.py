@@ -16,7 +16,7 @@ import msgspec
 from pydantic import BaseModel
 
 from chefbotd.core.events.inputs import StateRecorded
-from chefbotd.core.record import Stateful, StatefulPart
+from chefbotd.core.record import Stateful, StatefulPart, StatefulValue
 from chefbotd.inputs import InputLog
 
 LONGEST_PROBLEM = 200
@@ -101,7 +101,11 @@ def state_class(part: type[Any]) -> Any:
     declared = typing.get_type_hints(part.state)["return"]
     if isinstance(declared, typing.TypeVar):
         bases = typing.cast("Any", part).__orig_bases__
-        (declared,) = next(typing.get_args(base) for base in bases if typing.get_origin(base) is StatefulPart)
+        declared = next(
+            typing.get_args(base)[0]
+            for base in bases
+            if typing.get_origin(base) in (StatefulPart, StatefulValue)
+        )
     return part if declared is typing.Self else declared
 
 

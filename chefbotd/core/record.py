@@ -7,7 +7,16 @@ from typing import Any, Generic, Protocol, Self, TypeVar
 from msgspec import Struct
 from msgspec.structs import replace
 
-__all__ = ["Level", "LogLine", "MutableState", "Record", "Stateful", "StatefulPart", "replace"]
+__all__ = [
+    "Level",
+    "LogLine",
+    "MutableState",
+    "Record",
+    "Stateful",
+    "StatefulPart",
+    "StatefulValue",
+    "replace",
+]
 
 
 class Record(Struct, frozen=True, gc=False):
@@ -53,6 +62,7 @@ class MutableState(Struct, eq=False):
 
 
 M = TypeVar("M", bound=MutableState)
+V = TypeVar("V")
 
 
 class Stateful(Protocol):
@@ -88,3 +98,17 @@ class StatefulPart(Generic[M]):
         for name, part in self.parts.items():
             part.restore(getattr(state, name))
             setattr(self.memory, name, part.state())
+
+
+class StatefulValue(Generic[V]):
+    """The base class of a part that remembers one value: a number, a tuple, or a record, exchanged as a whole."""
+
+    memory: V
+
+    def state(self) -> V:
+        """Return the state of this part."""
+        return self.memory
+
+    def restore(self, state: V) -> None:
+        """Restore this state."""
+        self.memory = state

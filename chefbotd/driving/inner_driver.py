@@ -9,6 +9,7 @@ from typing import Final, Protocol
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Motion, WheelDuties
+from chefbotd.core.record import StatefulValue
 from chefbotd.core.sentence import Sentence
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.method import Unserved
@@ -54,10 +55,10 @@ class Gate(Protocol):
         ...
 
 
-class InnerDriver:
+class InnerDriver(StatefulValue[bool]):
     """Drives as one source. The topic ``safety`` names it, under the source's name, as the source's driver.
 
-    ``higher`` are the sources that take over from it.
+    ``higher`` are the sources that take over from it. Its ``memory`` is whether it drives.
     """
 
     def __init__(
@@ -71,16 +72,8 @@ class InnerDriver:
         self._gate, self._leases, self._clock, self.source = gate, leases, clock, source
         self._higher = frozenset(higher)
         self._session = _Inner(source, clock.now_s())
-        self._has_lease = False
+        self.memory = False
         leases.add_own(self._session)
-
-    def state(self) -> bool:
-        """Whether it drives; the control leases are a part of their own."""
-        return self._has_lease
-
-    def restore(self, state: bool) -> None:
-        """Restore this state."""
-        self._has_lease = state
 
     def drive(self, motion: Motion | WheelDuties, wished_s: float) -> None:
         """Move like this until the next request, or until the dead-man ends it; ``wished_s`` is the request's time.
@@ -101,7 +94,7 @@ class InnerDriver:
             raise
         self._gate.command(self.source, motion, self._session.number)
         self._leases.renew(self.source, self._session, now_s)
-        self._has_lease = True
+        self.memory = True
 
     @property
     def stops(self) -> int:
@@ -149,8 +142,8 @@ class InnerDriver:
 
     def let_go(self) -> None:
         """Release the source: the robot comes to rest, or a lower source drives."""
-        if self._has_lease:
-            self._has_lease = False
+        if self.memory:
+            self.memory = False
             self._leases.release(self._session, self._clock.now_s())
 
 

@@ -2,7 +2,8 @@
 
 import asyncio
 import json
-from collections.abc import Iterable, Sequence
+from bisect import insort
+from collections.abc import Collection, Iterable, Sequence
 from typing import Protocol
 
 import msgspec
@@ -14,7 +15,7 @@ from chefbotd.components.navigation.events import ActiveGoal, GoalCause, GoalLis
 from chefbotd.components.navigation.models import Waypoint
 from chefbotd.components.navigation.skill_requests import GoalAsked
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.record import Record, replace
+from chefbotd.core.record import MutableState, StatefulPart, replace
 from chefbotd.core.sentence import Sentence, sentence_data, sentence_of
 from chefbotd.inputs import InputLog
 from chefbotd.rpc.encoding import encode
@@ -23,137 +24,150 @@ MOST_ACTIVE, MOST_ENDED = 200, 400
 NOT_ACCEPTED = "cancelled: it was not accepted"
 
 
-class GoalsState(Record, frozen=True):
-    """The goals that have not ended, in order, the ends of the others, and the last number that was given.
+class GoalsState(MutableState):
+    """The goals that have not ended, and the ends of the others, in order, and the last number that was given.
 
     ``ids`` are the goals of each id that a client chose, ``clients`` the client with which a goal ends.
     """
 
-    active: list[GoalAsked]
-    ended: list[GoalResult]
-    last_number: int
+    active: list[GoalAsked] = []
+    ended: list[GoalResult] = []
+    last_number: int = 0
     ids: dict[str, tuple[int, ...]] = {}
     clients: dict[int, int] = {}
 
 
-class Goals:
-    """``active`` are those that have not ended, by their numbers; ``clients`` those with which a goal ends."""
+class Goals(StatefulPart[GoalsState]):
+    """Each goal from its number on: while it is accepted, while it is active, and how it has ended."""
 
     def __init__(self) -> None:
-        self.active: dict[int, GoalAsked] = {}
-        self.clients: dict[int, int] = {}
-        self._ends: dict[int, asyncio.Future[GoalResult]] = {}
-        self._ids: dict[str, tuple[int, ...]] = {}
-        self._last_number = 0
-
-    def state(self) -> GoalsState:
-        """Return the state of this part."""
-        ended = [end.result() for end in self._ends.values() if end.done()]
-        active = list(self.active.values())
-        return GoalsState(active, ended, self._last_number, self._ids, self.clients)
+        self.memory = GoalsState()
+        self._ends: dict[int, asyncio.Future[GoalResult]] = {}  # of those that have not ended
 
     def restore(self, state: GoalsState) -> None:
-        """Restore this state."""
-        self.active, self._ends, self._last_number = {}, {}, state.last_number
-        self._ids, self.clients = dict(state.ids), dict(state.clients)
-        for ended in state.ended:
-            self._ends[ended.goal] = asyncio.get_running_loop().create_future()
-            self._ends[ended.goal].set_result(ended)
-        self.add(state.active)
+        """Restore this state; whoever waits for the end of an active goal begins to wait again."""
+        super().restore(state)
+        self._ends.clear()
+        self.add(self.memory.active)
+
+    @property
+    def active(self) -> dict[int, GoalAsked]:
+        """Those that the worker is to drive to, in order, by their numbers."""
+        return {goal.number: goal for goal in self.memory.active}
+
+    @property
+    def clients(self) -> dict[int, int]:
+        """By the numbers of active goals, the client with which each of them ends."""
+        return self.memory.clients
 
     def reserve(self, count: int, goal_id: str | None) -> list[int]:
         """Numbers that no goal has had; until ``add`` or ``forget`` their goals are being accepted."""
-        numbers = [self._last_number + index for index in range(1, count + 1)]
-        self._last_number += count
+        last = self.memory.last_number
+        numbers = [last + index for index in range(1, count + 1)]
+        self.memory.last_number += count
         for number in numbers:
             self._ends[number] = asyncio.get_running_loop().create_future()
         if goal_id is not None:
-            self._ids[goal_id] = tuple(numbers)
+            self.memory.ids[goal_id] = tuple(numbers)
         return numbers
 
     def require_room(self, more: int) -> None:
         """Raises ``Refused`` where so many more would be too many."""
-        if len(self.active) + more > MOST_ACTIVE:
+        if len(self.memory.active) + more > MOST_ACTIVE:
             why = Sentence(
                 "navigation.too_many_goals",
                 "at most {most} goals may wait at a time: {waiting} wait, got {more} more",
                 most=MOST_ACTIVE,
-                waiting=len(self.active),
+                waiting=len(self.memory.active),
                 more=more,
             )
             raise Refused(RefusalKind.OUT_OF_RANGE, why)
 
     def add(self, goals: Iterable[GoalAsked]) -> None:
         """Goals that the worker is to drive to."""
-        for goal in goals:
-            self.active[goal.number] = goal
-            if goal.number not in self._ends:
-                self._ends[goal.number] = asyncio.get_running_loop().create_future()
-        ended = [number for number, end in self._ends.items() if end.done()]
-        for number in ended[: max(0, len(ended) - MOST_ENDED)]:
-            del self._ends[number]
-        self._ids = {name: goals for name, goals in self._ids.items() if goals[-1] in self._ends}
+        active = self.active | {goal.number: goal for goal in goals}
+        self.memory.active = list(active.values())
+        for number in active.keys() - self._ends.keys():
+            self._ends[number] = asyncio.get_running_loop().create_future()
+        del self.memory.ended[:-MOST_ENDED]
+        self._forget_ids()
 
-    def forget(self, numbers: Iterable[int]) -> None:
+    def forget(self, numbers: Collection[int]) -> None:
         """Goals that were not accepted; who asked for the same id meanwhile, and waits, is told."""
         for number in numbers:
-            self.active.pop(number, None)
-            self.clients.pop(number, None)
-            end = self._ends.pop(number, None)
-            if end is not None and not end.done():
+            self._deactivate(number)
+            if (end := self._ends.pop(number, None)) is not None:
                 end.set_result(GoalResult(number, "cancelled", NOT_ACCEPTED, GoalCause.REFUSED))
-        self._ids = {name: goals for name, goals in self._ids.items() if goals[-1] in self._ends}
+        self.memory.ended = [end for end in self.memory.ended if end.goal not in numbers]
+        self._forget_ids()
+
+    def _forget_ids(self) -> None:
+        """Forget the ids of goals that nobody remembers."""
+        remembered = self._ends.keys() | {ended.goal for ended in self.memory.ended}
+        self.memory.ids = {name: goals for name, goals in self.memory.ids.items() if goals[-1] in remembered}
+
+    def _deactivate(self, number: int) -> bool:
+        """Whether the goal was an active one until now."""
+        before = self.memory.active
+        self.memory.active = [goal for goal in before if goal.number != number]
+        self.memory.clients.pop(number, None)
+        return len(self.memory.active) < len(before)
 
     def end(self, ended: GoalResult) -> bool:
         """A goal has ended; False: it is none of the active ones."""
-        if self.active.pop(ended.goal, None) is None:
+        if not self._deactivate(ended.goal):
             return False
-        self.clients.pop(ended.goal, None)
-        end = self._ends[ended.goal]
-        if not end.done():
-            end.set_result(replace(ended, goal_id=self.id_of(ended.goal)))
+        result = replace(ended, goal_id=self.id_of(ended.goal))
+        insort(self.memory.ended, result, key=lambda end: end.goal)
+        self._ends.pop(ended.goal).set_result(result)
         return True
 
     def note_arrival(self, data: ArrivalData) -> None:
         """What is thought now of a goal that was reached: ``get_goal`` tells it from now on."""
-        end = self._ends.get(data.goal)
-        if end is not None and end.done():
-            self._ends[data.goal] = asyncio.get_running_loop().create_future()
-            self._ends[data.goal].set_result(replace(end.result(), arrival=data.arrival, off_m=data.off_m))
+        self.memory.ended = [
+            replace(end, arrival=data.arrival, off_m=data.off_m) if end.goal == data.goal else end
+            for end in self.memory.ended
+        ]
 
     def active_goals(self) -> GoalList:
         """Those that have not ended, in order."""
         return GoalList(
             tuple(
                 ActiveGoal(goal.number, goal.x_m, goal.y_m, goal.heading_rad, self.id_of(goal.number))
-                for goal in self.active.values()
+                for goal in self.memory.active
             )
         )
 
     def set_client(self, number: int, client: int | None) -> None:
         """A goal that has not ended is to end with this client; None: with none."""
-        self.clients.pop(number, None)
-        end = self._ends.get(number)
-        if client is not None and end is not None and not end.done():
-            self.clients[number] = client
+        self.memory.clients.pop(number, None)
+        if client is not None and number in self._ends:
+            self.memory.clients[number] = client
 
     def end_of(self, number: int) -> "asyncio.Future[GoalResult]":
         """What will have the goal's end; raises ``Refused`` for a goal that nobody remembers."""
-        end = self._ends.get(number)
-        if end is None:
+        if (end := self._ends.get(number)) is not None:
+            return end
+        ended = self._ended(number)
+        if ended is None:
             raise Refused(
                 RefusalKind.UNKNOWN_GOAL,
                 Sentence("navigation.unknown_goal", "no goal {number} is remembered", number=number),
             )
+        end = asyncio.get_running_loop().create_future()
+        end.set_result(ended)
         return end
+
+    def _ended(self, number: int) -> GoalResult | None:
+        return next((end for end in self.memory.ended if end.goal == number), None)
 
     def of_id(self, goal_id: str) -> tuple[int, ...]:
         """The goals of this id; none where it is not known, or was forgotten."""
-        return self._ids.get(goal_id, ())
+        return self.memory.ids.get(goal_id, ())
 
     def id_of(self, number: int) -> str | None:
         """The id that a client chose for this goal."""
-        return next((name for name, numbers in self._ids.items() if number in numbers), None)
+        return next((name for name, numbers in self.memory.ids.items() if number in numbers), None)
 
     def result(self, numbers: Sequence[int]) -> GoalResult:
         """How these have ended: the first that was not reached, or the last; without an end one has not ended."""

@@ -4,7 +4,8 @@ from collections.abc import Callable
 from typing import Final
 
 from chefbotd.core.events.robot import WorkerReported
-from chefbotd.inputs import InputLog, Timer, due_of
+from chefbotd.core.record import MutableState
+from chefbotd.inputs import InputLog, ResumableTimer
 
 MOST_WORKERS: Final = 5
 """A goal is given up when so many workers ended one after the other: it may be what ends them, or none can start."""
@@ -16,51 +17,48 @@ AWAY: Final = ("restarting", "unavailable", "stopped")
 TIMER: Final = "navigation worker"
 
 
-class Handover:
-    """Whether the next worker ``must_tell`` of the goals, how many workers were lost, and when the goals are given up.
+class HandoverState(MutableState):
+    """Whether the next worker must be told of the goals, how many were lost since one was accepted or has ended.
 
-    ``give_up`` ends the goals for a reason.
+    ``due_s`` is when the goals are given up, if no worker could be told of them.
     """
 
-    def __init__(self, entries: InputLog, give_up: Callable[[str], None]) -> None:
-        self._entries, self._give_up = entries, give_up
-        self.must_tell = False
-        self.workers_lost = 0  # since a goal was accepted or ended
-        self._timer: Timer | None = None
+    must_tell_goals: bool = False
+    workers_lost: int = 0
+    due_s: float | None = None
 
-    def due_s(self) -> float | None:
-        """When the goals are given up, if no worker could be told of them."""
-        return due_of(self._timer)
 
-    def restore(self, must_tell: bool, workers_lost: int, due_s: float | None) -> None:
-        """Go on from there."""
-        self.must_tell, self.workers_lost = must_tell, workers_lost
-        self._timer = self._entries.resume(due_s, self._take_timeout, TIMER)
+class Handover:
+    """Keeps the ``memory`` of the goals' handover from one worker to the next; ``give_up`` ends them for a reason."""
+
+    def __init__(self, entries: InputLog, memory: HandoverState, give_up: Callable[[str], None]) -> None:
+        self._memory, self._give_up = memory, give_up
+        self.timer = ResumableTimer(entries, self._take_timeout, TIMER)
 
     def forget_losses(self) -> None:
         """Count the workers that end from now on."""
-        self.workers_lost = 0
+        self._memory.workers_lost = 0
 
     def wait(self, event: WorkerReported) -> bool:
         """The worker is away: wait for the next one. False where the goals were given up."""
         if event.state == "unavailable":
             self._give_up(f"the worker is not available: {event.reason}")
             return False
-        self.workers_lost += 1
-        if self.workers_lost >= MOST_WORKERS:
-            self._give_up(f"{self.workers_lost} workers ended on the way to it, the last: {event.reason}")
+        self._memory.workers_lost += 1
+        if self._memory.workers_lost >= MOST_WORKERS:
+            self._give_up(
+                f"{self._memory.workers_lost} workers ended on the way to it, the last: {event.reason}"
+            )
             return False
-        self.must_tell = True
-        if self._timer is None:
-            self._timer = self._entries.call_later(WORKER_AWAY_S, self._take_timeout, TIMER)
+        self._memory.must_tell_goals = True
+        if self.timer.due_s is None:
+            self.timer.start(WORKER_AWAY_S)
         return True
 
     def wait_no_more(self) -> None:
         """The goals are told, or over."""
-        if self._timer is not None:
-            self._timer.cancel()
-        self.must_tell, self._timer = False, None
+        self.timer.cancel()
+        self._memory.must_tell_goals = False
 
     def _take_timeout(self) -> None:
-        self._timer = None
         self._give_up(f"no worker could take over the goal for {WORKER_AWAY_S:.0f} s")

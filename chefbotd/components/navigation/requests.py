@@ -17,7 +17,7 @@ from chefbotd.components.navigation.skill_requests import (
     Show,
 )
 from chefbotd.components.worker.process import Worker
-from chefbotd.core.record import MutableState, StatefulPart
+from chefbotd.core.record import MutableState, StatefulPart, StatefulValue
 from chefbotd.inputs import StatefulEvent
 
 SUPERSEDED: dict[type[NavigationRequest], tuple[type[NavigationRequest], ...]] = {
@@ -70,7 +70,10 @@ class RequestQueue(StatefulPart[RequestQueueState]):
         await self._sent.wait()
 
 
-class ShownOnDemand:
+NOTHING_SHOWN = Show(costmap=False, obstacles=False)
+
+
+class ShownOnDemand(StatefulValue[Show]):
     """Asks the worker for costs and obstacles while a client subscribes, and publishes them.
 
     A new worker is asked, too.
@@ -78,28 +81,20 @@ class ShownOnDemand:
 
     def __init__(self, bus: Bus, worker: Worker) -> None:
         self._worker = worker
-        self._shows = Show(costmap=False, obstacles=False)
+        self.memory = NOTHING_SHOWN
         worker.add_on_ready(self._ask)
         worker.add_listener(SKILL, CostmapChanged, bus.publish)
         worker.add_listener(SKILL, ObstaclesSeen, bus.publish)
 
-    def state(self) -> Show:
-        """What is shown."""
-        return self._shows
-
-    def restore(self, state: Show) -> None:
-        """Restore this state."""
-        self._shows = state
-
     def show_costmap(self, is_shown: bool) -> None:
         """A client subscribes to the costs, or none does any more."""
-        self._shows = Show(is_shown, self._shows.obstacles)
+        self.memory = Show(is_shown, self.memory.obstacles)
         self._ask()
 
     def show_obstacles(self, is_shown: bool) -> None:
         """The same for the obstacles."""
-        self._shows = Show(self._shows.costmap, is_shown)
+        self.memory = Show(self.memory.costmap, is_shown)
         self._ask()
 
     def _ask(self) -> None:
-        self._worker.tell(SKILL, self._shows)
+        self._worker.tell(SKILL, self.memory)

@@ -10,6 +10,7 @@ from types import NoneType
 from typing import Final
 
 import structlog
+from msgspec import field
 from msgspec.structs import asdict, astuple
 
 from chefbotd.bus import Bus
@@ -28,11 +29,16 @@ from chefbotd.components.navigation.events import (
     PlanResult,
 )
 from chefbotd.components.navigation.goals import Destinations, Goals, GoalsState, Places
-from chefbotd.components.navigation.handover import AWAY, Handover
+from chefbotd.components.navigation.handover import AWAY, Handover, HandoverState
 from chefbotd.components.navigation.models import GoalParams, Waypoint
 from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.navigation.reporting import Reporting, ReportingState
-from chefbotd.components.navigation.requests import RequestQueue, RequestQueueState, ShownOnDemand
+from chefbotd.components.navigation.requests import (
+    NOTHING_SHOWN,
+    RequestQueue,
+    RequestQueueState,
+    ShownOnDemand,
+)
 from chefbotd.components.navigation.skill_requests import SKILL, NavigationRequest
 from chefbotd.components.navigation.waiting_requests import Wait, WaitingRequests
 from chefbotd.components.worker.service import WorkerService
@@ -40,7 +46,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import ClientDisconnected, SafetyChanged
 from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import Twist2D
-from chefbotd.core.record import Record, replace
+from chefbotd.core.record import StatefulPart, replace
 from chefbotd.core.sentence import Sentence
 from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.inputs import inputs_of
@@ -58,31 +64,30 @@ REPLACED: Final = "cancelled: a new goal replaced it"
 NO_REQUEST: Final = "the request that waited for it was cancelled"
 
 
-class NavigationState(Record, frozen=True):
-    """The goals, what the worker has to be told of them, and what holds them up; ``due_s``: when they are given up.
+class NavigationState(HandoverState):
+    """The goals, what the worker has to be told of them, and what holds them up.
 
-    ``waits`` are the requests that wait, by their tasks.
+    ``waits`` are the requests that wait, by their tasks. ``stops`` is the number of stops that the goals know of.
+    The goals are on ``map``; localization uses ``known_map``, or says why it uses none. ``paused`` says why the goals
+    are paused, where somebody asked for that.
     """
 
-    goals: GoalsState
-    waits: dict[str, Wait]
-    orders: RequestQueueState
-    reporting: ReportingState
-    drives: bool
-    shown: messages.Show
-    stops: int
-    map: str | None
-    known_map: str | None
-    safety: SafetyChanged | None
-    paused: str
-    is_taken_over: bool
-    must_tell_goals: bool
-    workers_lost: int
-    due_s: float | None
+    goals: GoalsState = field(default_factory=GoalsState)
+    waits: dict[str, Wait] = {}
+    orders: RequestQueueState = field(default_factory=RequestQueueState)
+    reporting: ReportingState = field(default_factory=ReportingState)
+    drives: bool = False
+    shown: messages.Show = NOTHING_SHOWN
+    stops: int = 0
+    map: str | None = None
+    known_map: str | None = None
+    safety: SafetyChanged | None = None
+    paused: str = ""
+    is_taken_over: bool = False
     why_no_map: str = ""
 
 
-class NavigationService:
+class NavigationService(StatefulPart[NavigationState]):
     """``driver`` puts wishes through the gate. Somebody who takes over pauses the goals."""
 
     def __init__(
@@ -100,55 +105,24 @@ class NavigationService:
         self._requests, self._goals = RequestQueue(), Goals()
         self._reporting = Reporting(bus, clock)
         self.waits = WaitingRequests(self._entries, self._goals, self._reporting, self._end_given_up)
-        self._handover = Handover(self._entries, self._end_worker_lost)
         self.shown = ShownOnDemand(bus, feed.worker)
-        self._stops = driver.stops  # that the goals know of
-        self._map: str | None = None  # in which the goals are
-        self._known_map: str | None = None  # that localization uses
-        self._why_no_map = ""  # where it uses none
-        self._safety: SafetyChanged | None = None
-        self._paused = ""  # why, where somebody wants that
-        self._is_taken_over = False
+        self.memory = NavigationState(stops=driver.stops)
+        self._handover = Handover(self._entries, self.memory, self._end_worker_lost)
+        self.parts = {
+            "goals": self._goals,
+            "waits": self.waits,
+            "orders": self._requests,
+            "reporting": self._reporting,
+            "drives": driver,
+            "shown": self.shown,
+            "due_s": self._handover.timer,
+        }
         self._worker.add_listener(SKILL, messages.Stepped, self._take_stepped)
         bus.add_handler(self._take_safety, SafetyChanged)
         bus.add_handler(self._take_worker, WorkerReported)
         bus.add_handler(self._take_localization, LocalizationChanged)
         bus.add_handler(self._take_map, MapLoaded)
         bus.add_handler(self._take_client_left, ClientDisconnected)
-
-    def state(self) -> NavigationState:
-        """Return the state of this part."""
-        return NavigationState(
-            self._goals.state(),
-            self.waits.state(),
-            self._requests.state(),
-            self._reporting.state(),
-            self._driver.state(),
-            self.shown.state(),
-            self._stops,
-            self._map,
-            self._known_map,
-            self._safety,
-            self._paused,
-            self._is_taken_over,
-            self._handover.must_tell,
-            self._handover.workers_lost,
-            self._handover.due_s(),
-            self._why_no_map,
-        )
-
-    def restore(self, state: NavigationState) -> None:
-        """Go on from there; the requests that wait are to begin again."""
-        self._goals.restore(state.goals)
-        self.waits.restore(state.waits)
-        self._requests.restore(state.orders)
-        self._reporting.restore(state.reporting)
-        self._driver.restore(state.drives)
-        self.shown.restore(state.shown)
-        self._stops, self._map, self._known_map = state.stops, state.map, state.known_map
-        self._safety, self._paused, self._is_taken_over = state.safety, state.paused, state.is_taken_over
-        self._handover.restore(state.must_tell_goals, state.workers_lost, state.due_s)
-        self._why_no_map = state.why_no_map
 
     async def run(self) -> None:
         """Tell the skill what was ordered, one thing after the other."""
@@ -165,7 +139,7 @@ class NavigationService:
                 if not isinstance(order, messages.NavigateTo) or not self._goals.active:
                     continue
                 if problem.kind is RefusalKind.WORKER_UNAVAILABLE:  # the next one is told
-                    self._handover.must_tell = True
+                    self.memory.must_tell_goals = True
                 else:
                     self._end_goals("fault", str(problem), GoalCause.REFUSED)
 
@@ -179,12 +153,15 @@ class NavigationService:
         try:
             yield
         except Refused as refused:
-            if refused.kind is not RefusalKind.NO_MAP_LOADED or not self._why_no_map:
+            if refused.kind is not RefusalKind.NO_MAP_LOADED or not self.memory.why_no_map:
                 raise
             raise Refused(
                 refused.kind,
                 Sentence(
-                    "navigation.no_map_because", "{refusal} ({why})", refusal=refused, why=self._why_no_map
+                    "navigation.no_map_because",
+                    "{refusal} ({why})",
+                    refusal=refused,
+                    why=self.memory.why_no_map,
                 ),
             ) from refused
 
@@ -234,20 +211,20 @@ class NavigationService:
         self._accepted(numbers, str(session), queue=params.queue)
 
     def _require_armed(self) -> None:
-        safety = self._safety
+        safety = self.memory.safety
         if safety is not None and safety.mode != ARMED:
             raise not_armed(safety.mode, safety.reason)
 
     def _accepted(self, numbers: Sequence[int], by: str, *, queue: bool) -> None:
-        self._map = self._known_map
+        self.memory.map = self.memory.known_map
         self._handover.forget_losses()
         before = [number for number in self._goals.active if number < numbers[0]]
         if not queue:
             for number in reversed(before):
                 self._end(GoalResult(number, "cancelled", REPLACED, GoalCause.REPLACED, by))
         if not queue or not before:
-            self._paused = ""
-            if self._is_taken_over:
+            self.memory.paused = ""
+            if self.memory.is_taken_over:
                 self._requests.put(messages.Pause(self._why_taken_over()))
 
     def result(self, goals: Sequence[int]) -> GoalResult:
@@ -292,21 +269,21 @@ class NavigationService:
         """Stand until ``resume``; without a goal nothing happens."""
         self._driver.let_go()
         if self._goals.active:
-            self._paused = f"paused by {by}"
-            self._requests.put(messages.Pause(self._paused))
+            self.memory.paused = f"paused by {by}"
+            self._requests.put(messages.Pause(self.memory.paused))
 
     def resume(self) -> None:
         """Go on, as soon as nobody else drives."""
         self._end_if_stopped()
-        self._paused = ""
+        self.memory.paused = ""
         self._driver.begin(self._driver.stop_number, "this was asked for")
-        if not self._is_taken_over:
+        if not self.memory.is_taken_over:
             self._requests.put(messages.Resume())
 
     def _end_if_stopped(self) -> None:
         """A stop ends the goals also while nothing is wished: the robot waits, plans, is paused, or has no worker."""
-        if self._driver.stops != self._stops:
-            self._stops = self._driver.stops
+        if self._driver.stops != self.memory.stops:
+            self.memory.stops = self._driver.stops
             by = self._driver.stopped_by or "somebody"
             self.cancel(f"{self._driver.source} was stopped by {by}", GoalCause.STOPPED, by)
 
@@ -326,7 +303,7 @@ class NavigationService:
         is_active = data.goal in self._goals.active
         if is_active or data.goal is None:
             self._reporting.report(data.state, data.goal, data.reason, data.distance_m, data.time_s)
-        if stepped.twist is None or self._paused or not is_active:
+        if stepped.twist is None or self.memory.paused or not is_active:
             self._driver.let_go()
         else:
             self._drive(stepped.twist, stepped.stamp_s)
@@ -353,30 +330,32 @@ class NavigationService:
     # what happens
 
     def _take_safety(self, event: SafetyChanged) -> None:
-        self._safety = event
+        self.memory.safety = event
         if event.mode == ARMED:
             self._end_if_stopped()
         elif self._goals.active:
             self._driver.let_go()
             self._end_goals("fault", why_not_armed(event.mode, event.reason), GoalCause.NOT_ARMED)
         is_taken_over = self._driver.gives_way_to(event.source)
-        if is_taken_over is not self._is_taken_over:
-            self._is_taken_over = is_taken_over
+        if is_taken_over is not self.memory.is_taken_over:
+            self.memory.is_taken_over = is_taken_over
             self._give_way_or_go_on()
 
     def _give_way_or_go_on(self) -> None:
         if not self._goals.active:
             return
-        if self._is_taken_over:
+        if self.memory.is_taken_over:
             why = self._why_taken_over()
             if not self.section.resume_after_takeover:
-                self._paused = self._paused or why
+                self.memory.paused = self.memory.paused or why
             self._requests.put(messages.Pause(why))
         else:
-            self._requests.put(messages.Pause(self._paused) if self._paused else messages.Resume())
+            self._requests.put(
+                messages.Pause(self.memory.paused) if self.memory.paused else messages.Resume()
+            )
 
     def _why_taken_over(self) -> str:
-        source = None if self._safety is None else self._safety.source
+        source = None if self.memory.safety is None else self.memory.safety.source
         goes_on = "" if self.section.resume_after_takeover else "; it goes on when somebody resumes it"
         return f"paused, because {source or 'another source'} has control{goes_on}"
 
@@ -384,7 +363,7 @@ class NavigationService:
         if event.state not in AWAY or not self._goals.active:
             return
         self._driver.let_go()
-        was_told = not self._handover.must_tell
+        was_told = not self.memory.must_tell_goals
         if not self._handover.wait(event):
             return
         if was_told:
@@ -397,24 +376,24 @@ class NavigationService:
 
     def _take_map(self, event: MapLoaded) -> None:
         """Goals on a map that gets another name are on the same map."""
-        if event.renamed_from is not None and event.renamed_from == self._map:
-            self._map = event.name
+        if event.renamed_from is not None and event.renamed_from == self.memory.map:
+            self.memory.map = event.name
 
     def _take_localization(self, event: LocalizationChanged) -> None:
         """A worker that is back has its map, or has none any more: tell it of the goals that are left."""
-        self._known_map, self._why_no_map = event.map, "" if event.map else event.reason
+        self.memory.known_map, self.memory.why_no_map = event.map, "" if event.map else event.reason
         self._end_if_stopped()
-        if not self._handover.must_tell or not self._worker.is_ready:
+        if not self.memory.must_tell_goals or not self._worker.is_ready:
             return
         self._handover.wait_no_more()
-        if event.map != self._map:
-            why = f"the goals are on the map {self._map!a}, which is no longer in use"
+        if event.map != self.memory.map:
+            why = f"the goals are on the map {self.memory.map!a}, which is no longer in use"
             why = f"{why}: {event.reason}" if event.reason else why
             self._end_goals("fault", why, GoalCause.MAP_CHANGED)
             return
         self._requests.put(messages.NavigateTo(tuple(self._goals.active.values()), queue=False))
-        if self._paused or self._is_taken_over:
-            self._requests.put(messages.Pause(self._paused or self._why_taken_over()))
+        if self.memory.paused or self.memory.is_taken_over:
+            self._requests.put(messages.Pause(self.memory.paused or self._why_taken_over()))
 
     # how goals end
 
@@ -454,7 +433,7 @@ class NavigationService:
         if not left:
             self._driver.let_go()
             self._handover.wait_no_more()
-            self._paused = ""
+            self.memory.paused = ""
         if self._worker.is_ready:
             self._requests.put(messages.KeepGoals(left))
 

@@ -7,7 +7,7 @@ from functools import partial
 from chefbotd.components.navigation.events import GoalResult
 from chefbotd.components.navigation.goals import Goals
 from chefbotd.components.navigation.reporting import Reporting
-from chefbotd.core.record import Record
+from chefbotd.core.record import Record, StatefulValue
 from chefbotd.features.feature import Waiting
 from chefbotd.inputs import InputLog
 from chefbotd.rpc.jobs import ProgressReporter
@@ -20,7 +20,7 @@ class Wait(Record, frozen=True):
     client: int
 
 
-class WaitingRequests:
+class WaitingRequests(StatefulValue[dict[str, Wait]]):
     """The requests that wait, by their tasks; ``cancel`` ends the goals of a client whose request was given up."""
 
     def __init__(
@@ -31,15 +31,7 @@ class WaitingRequests:
         cancel: Callable[[int, Sequence[int]], None],
     ) -> None:
         self._entries, self._goals, self._reporting, self._cancel = entries, goals, reporting, cancel
-        self._waits: dict[str, Wait] = {}
-
-    def state(self) -> dict[str, Wait]:
-        """Return the state of this part."""
-        return self._waits
-
-    def restore(self, state: dict[str, Wait]) -> None:
-        """Restore this state; the requests are to begin again."""
-        self._waits = dict(state)
+        self.memory = {}
 
     async def wait(self, goals: Sequence[int], progress: ProgressReporter, client: int) -> GoalResult:
         """Wait for the end of these; that of the first that is not reached, or of the last.
@@ -48,7 +40,7 @@ class WaitingRequests:
         """
         ends = [self._goals.end_of(number) for number in goals]
         task = self._entries.task
-        self._waits[task] = Wait(tuple(goals), client)
+        self.memory[task] = Wait(tuple(goals), client)
         try:
             with self._reporting.telling(goals, progress):
                 for end in ends:
@@ -59,11 +51,11 @@ class WaitingRequests:
             self._cancel(client, goals)
             raise
         finally:
-            self._waits.pop(task, None)
+            self.memory.pop(task, None)
         return ended
 
     def waiting(self) -> Waiting:
         """The requests that wait for the end of goals, by their tasks."""
         return {
-            task: partial(self.wait, wait.goals, client=wait.client) for task, wait in self._waits.items()
+            task: partial(self.wait, wait.goals, client=wait.client) for task, wait in self.memory.items()
         }
