@@ -145,15 +145,15 @@ def driving(
 
 
 def _add_metrics(metrics: Metrics, service: DriveService, quadrature: QuadratureService) -> None:
-    metrics.counter("control_steps", "Steps of the control loop.", lambda: service.steps)
+    metrics.counter("control_steps", "Steps of the control loop.", lambda: service.memory.steps)
     metrics.histogram("control_step_s", "How long a step of the control loop takes.", service.step_times)
     metrics.counters(
         "faults", "Faults that disarmed the robot.", "fault", lambda: service.keeper.announcer.memory.faults
     )
     metrics.counter(
-        "loop_pauses", "Pauses of the control loop while it drove: it braked.", lambda: service.pauses
+        "loop_pauses", "Pauses of the control loop while it drove: it braked.", lambda: service.memory.pauses
     )
-    metrics.counter("internal_errors", "Steps that failed.", lambda: service.internal_errors)
+    metrics.counter("internal_errors", "Steps that failed.", lambda: service.memory.internal_errors)
     metrics.counter(
         "encoder_readings_refused",
         "Encoder readings that were rejected.",

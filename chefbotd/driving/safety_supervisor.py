@@ -3,10 +3,10 @@
 It moves nothing itself: ``DriveService`` asks it before every duty and carries out the answer.
 """
 
-import math
 from collections.abc import Callable, Mapping
 
 import structlog
+from msgspec import field
 
 from chefbotd.bus import Bus, OnError
 from chefbotd.clock import Clock
@@ -25,11 +25,11 @@ from chefbotd.core.events import (
 )
 from chefbotd.core.events.inputs import FaultTaken
 from chefbotd.core.geometry import STANDING, Pose2D
-from chefbotd.core.record import MutableState, Record, replace
+from chefbotd.core.record import MutableState, StatefulPart, replace
 from chefbotd.core.sentence import Sentence
 from chefbotd.driving.gate_announcer import AnnouncerState, GateAnnouncer
 from chefbotd.driving.motor_watch import Credit, MotorWatch, MotorWatchState
-from chefbotd.driving.obstacle_guard import ObstacleGuard, Scans
+from chefbotd.driving.obstacle_guard import ObstacleGuard, Scans, WheelsAtReading
 from chefbotd.driving.stop_hold import EMERGENCY_STOP, FAULT, StopHold
 from chefbotd.driving.wheel_reader import WheelsRead
 from chefbotd.inputs import inputs_of
@@ -49,7 +49,7 @@ from chefbotd.safety.gate import (
     SafetyParameters,
     Trigger,
 )
-from chefbotd.safety.guard import Beams, WheelAngles
+from chefbotd.safety.guard import Beams
 from chefbotd.safety.latch import GateStore
 
 log = structlog.get_logger(component="safety")
@@ -90,15 +90,15 @@ class SupervisorMemory(MutableState):
     battery: battery_monitor.BatteryWatch = battery_monitor.CHARGED
 
 
-class KeeperState(Record, frozen=True):
-    """Its memory and its parts'; ``wheels``: their angles at the last reading, when it came, and those left out."""
+class SupervisorState(MutableState):
+    """What the supervisor itself remembers, and its parts."""
 
     memory: SupervisorMemory
     held: hold.State
     motors: MotorWatchState
     beams: Beams
     announcer: AnnouncerState
-    wheels: tuple[WheelAngles, float, tuple[int, ...]] = ((), -math.inf, ())
+    wheels: WheelsAtReading = field(default_factory=WheelsAtReading)
 
 
 BOARD_STOP_ADVICE = {
@@ -111,13 +111,14 @@ BOARD_STOP_ADVICE = {
 """Where to look first, by a word of the stop's name."""
 
 
-class SafetySupervisor:
+class SafetySupervisor(StatefulPart[SupervisorState]):
     """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name.
 
     ``scans`` makes the guard by lidars. ``latch`` keeps the mode beyond the end of the process; latches are numbered
     within the ``session``. ``motors`` judges whether board and wheels follow commands. ``guard_warning`` is announced:
-    that sensors see obstacles while the guard is off. The memory's ``stop_number`` is that of the last stop, e-stop or
-    fault: what waits compares it, and begins nothing where it has changed.
+    that sensors see obstacles while the guard is off. ``own_state`` is what it remembers beside its parts; the
+    ``stop_number`` in it is that of the last stop, e-stop or fault: what waits compares it, and begins nothing where
+    it has changed.
     """
 
     def __init__(
@@ -136,12 +137,23 @@ class SafetySupervisor:
         self._bus, self._clock, self._parameters = bus, inputs_of(clock), parameters
         self.motors, self._guard_warning = motors, guard_warning
         first = session * LATCHES_PER_SESSION
-        self.memory = SupervisorMemory(latch.recall(), latched=first, stop_number=first)
+        self.own_state = SupervisorMemory(latch.recall(), latched=first, stop_number=first)
         self._held, self._warned = StopHold(parameters.held_until_silent_s), ""
         self.obstacles = ObstacleGuard(
             bus, parameters.guard, mounts, scans, self._keep_error, motors.kinematics
         )
         self.announcer = GateAnnouncer(bus, latch)
+        self.parts = {
+            "memory": self.own_state,
+            "held": self._held,
+            "motors": self.motors,
+            "beams": self.obstacles,
+            "announcer": self.announcer,
+            "wheels": self.obstacles.wheels,
+        }
+        self.memory = SupervisorState(
+            self.own_state, self._held.memory, motors.memory, self.obstacles.memory, self.announcer.memory
+        )
         self._reading_error: Exception | None = None
         self._on_fault: Callable[[], None] = lambda: None
         self._on_latched: Callable[[], None] = lambda: None
@@ -150,37 +162,25 @@ class SafetySupervisor:
         bus.add_handler(self._on_echo, DutyEchoed, on_error=self._keep_error)
         bus.add_handler(self._on_firmware, FirmwareReported, on_error=self._keep_error)
 
-    def state(self) -> KeeperState:
-        """The state of this part; the guard by scans is a part of its own."""
-        obstacles = self.obstacles
-        wheels = obstacles.wheels_rad, obstacles.wheels_s, obstacles.excluded
-        parts = self._held.state(), self.motors.state(), obstacles.state(), self.announcer.state()
-        return KeeperState(self.memory, *parts, wheels)
-
-    def restore(self, state: KeeperState) -> None:
-        """Restore this state."""
-        self.memory.restore(state.memory)
-        self._held.restore(state.held)
-        self.motors.restore(state.motors)
+    def restore(self, state: SupervisorState) -> None:
+        """Restore this state; what was warned of then is not said again."""
+        super().restore(state)
         self._warned = self.motors.warning
-        self.obstacles.restore(state.beams)
-        self.announcer.restore(state.announcer)
-        self.obstacles.wheels_rad, self.obstacles.wheels_s, self.obstacles.excluded = state.wheels
 
     @property
     def gate(self) -> GateState:
         """The gate's state."""
-        return self.memory.gate
+        return self.own_state.gate
 
     @property
     def armed(self) -> bool:
         """Whether the robot may move at all."""
-        return self.memory.gate.mode is Mode.ARMED
+        return self.own_state.gate.mode is Mode.ARMED
 
     @property
     def is_commanded(self) -> bool:
         """Whether the last decision was made for a source's command."""
-        return self.memory.decision.source is not None
+        return self.own_state.decision.source is not None
 
     def call_on_fault(self, callback: Callable[[], None]) -> None:
         """Have ``callback`` called when a reading other than the encoders' has led to a fault or an error."""
@@ -209,11 +209,11 @@ class SafetySupervisor:
                     source=CALIBRATION,
                 ),
             )
-        accepted = gate.accept(self._parameters, self.memory.gate, command)
+        accepted = gate.accept(self._parameters, self.own_state.gate, command)
         self._held.require_free(command.source, client)
-        if not self.memory.link_open:
+        if not self.own_state.link_open:
             raise Refused(RefusalKind.LINK_DOWN, Sentence("driving.no_board", "the board is not connected"))
-        self.memory.gate = accepted
+        self.own_state.gate = accepted
 
     def record_attempt(self, source: str, client: int, now_s: float) -> None:
         """A client tries to drive, whether or not its command is taken into account."""
@@ -222,12 +222,12 @@ class SafetySupervisor:
 
     def forget_commands(self) -> None:
         """Forget every command; this is no stop."""
-        self.memory.gate = gate.stop(self.memory.gate)
+        self.own_state.gate = gate.stop(self.own_state.gate)
 
     def stop(self, by: str = "", client: int = 0) -> None:
         """Forget every command. With a name ``by``, also hold the sources that other clients drive."""
         self.forget_commands()
-        self.memory.stop_number += 1
+        self.own_state.stop_number += 1
         if by:
             self._held.stop(client, by, self._clock.now_s())
 
@@ -243,13 +243,16 @@ class SafetySupervisor:
 
     def release(self, source: str) -> None:
         """Forget a source's command."""
-        self.memory.gate = gate.release(self.memory.gate, source)
+        self.own_state.gate = gate.release(self.own_state.gate, source)
 
     def estop(self, reason: str) -> None:
         """Latch an emergency stop until ``arm``. Sources that are driven now are held longer."""
         self._held.latch(EMERGENCY_STOP, self._clock.now_s())
-        self.memory.gate = gate.change_mode(self.memory.gate, Trigger.ESTOP, reason)
-        self.memory.latched, self.memory.stop_number = self.memory.latched + 1, self.memory.stop_number + 1
+        self.own_state.gate = gate.change_mode(self.own_state.gate, Trigger.ESTOP, reason)
+        self.own_state.latched, self.own_state.stop_number = (
+            self.own_state.latched + 1,
+            self.own_state.stop_number + 1,
+        )
 
     def arm(self, latch: int | None = None) -> None:
         """Allow motion again, and reset every detector. If the gate is armed already, nothing changes.
@@ -262,9 +265,9 @@ class SafetySupervisor:
         """
         if latch is not None:
             self._take_report()
-        if latch not in (None, self.memory.latched):
-            is_foreign = latch // LATCHES_PER_SESSION != self.memory.latched // LATCHES_PER_SESSION
-            why = gate.why_not_armed(self.memory.gate.mode, self.memory.gate.reason)
+        if latch not in (None, self.own_state.latched):
+            is_foreign = latch // LATCHES_PER_SESSION != self.own_state.latched // LATCHES_PER_SESSION
+            why = gate.why_not_armed(self.own_state.gate.mode, self.own_state.gate.reason)
             if is_foreign:
                 since = Sentence(
                     "driving.restarted_since",
@@ -278,7 +281,7 @@ class SafetySupervisor:
                     why=why,
                 )
             raise Refused(RefusalKind.LATCHED_AGAIN, since)
-        if not self.memory.link_open:
+        if not self.own_state.link_open:
             raise Refused(
                 RefusalKind.LINK_DOWN,
                 Sentence(
@@ -287,23 +290,23 @@ class SafetySupervisor:
             )
         if self.armed:
             return
-        armed = gate.change_mode(self.memory.gate, Trigger.ARM, "armed")
+        armed = gate.change_mode(self.own_state.gate, Trigger.ARM, "armed")
         if problem := self.announcer.store(armed):
             raise Refused(RefusalKind.STORAGE_FAILED, latch_file.why_unwritable(problem))
-        self.memory.gate = armed
+        self.own_state.gate = armed
         self.motors.start_anew()
-        self.memory.silence = replace(self.memory.silence, interrupted=False)
+        self.own_state.silence = replace(self.own_state.silence, interrupted=False)
 
     # What happens to the robot
 
     def fail(self, fault: Fault) -> None:
         """A fault has happened: it latches. Sources that are driven now are held longer."""
-        before = self.memory.gate
-        self.memory.gate = gate.change_mode(before, Trigger.FAULT, fault.reason, fault.kind)
-        if self.memory.gate is not before:
-            self.memory.latched, self.memory.stop_number = (
-                self.memory.latched + 1,
-                self.memory.stop_number + 1,
+        before = self.own_state.gate
+        self.own_state.gate = gate.change_mode(before, Trigger.FAULT, fault.reason, fault.kind)
+        if self.own_state.gate is not before:
+            self.own_state.latched, self.own_state.stop_number = (
+                self.own_state.latched + 1,
+                self.own_state.stop_number + 1,
             )
             if latched_by := self._latched_by():
                 self._held.latch(latched_by, self._clock.now_s())
@@ -311,24 +314,24 @@ class SafetySupervisor:
 
     def _latched_by(self) -> str:
         """What holds whoever drives until ``arm`` and beyond; nothing does where a fault is over by itself."""
-        if self.memory.gate.mode is Mode.ESTOPPED:
+        if self.own_state.gate.mode is Mode.ESTOPPED:
             return EMERGENCY_STOP
-        recovers = self._parameters.rearm is Rearm.AUTO and self.memory.gate.fault in RECOVERABLE
+        recovers = self._parameters.rearm is Rearm.AUTO and self.own_state.gate.fault in RECOVERABLE
         return "" if self.armed or recovers else FAULT
 
     def report_from_thread(self, fault: Fault) -> None:
         """Let a fault latch before the next decision or command; may be called from any thread."""
-        self.memory.reported = fault
+        self.own_state.reported = fault
 
     def on_link(self, event: LinkOpened | LinkClosed | BoardRestarted) -> None:
         """The board is back, gone, or another one: a fault that ends with ``arm`` or, if configured, by itself."""
         if isinstance(event, LinkOpened):
-            self.memory.link_open = True
-            self.memory.silence = EncoderTimeoutState()
+            self.own_state.link_open = True
+            self.own_state.silence = EncoderTimeoutState()
             self.motors.connected()
             self._recover("the link is back")
         elif isinstance(event, LinkClosed):
-            self.memory.link_open = False
+            self.own_state.link_open = False
             self.fail(Fault(FaultKind.LINK_LOST, f"the link was lost: {event.reason}"))
         else:
             self.fail(Fault(FaultKind.BOARD_RESTARTED, f"the board restarted: {event.cause}"))
@@ -336,10 +339,10 @@ class SafetySupervisor:
 
     def note_reading(self, now_s: float, seen: WheelsRead) -> None:
         """A good encoder reading: the encoders are heard, and the wheels are there. Call it before ``decide``."""
-        self.memory.silence = encoder_timeout.note_reading(self.memory.silence, now_s)
-        obstacles = self.obstacles
-        obstacles.wheels_rad, obstacles.wheels_s = seen.reading.position_rad, now_s
-        obstacles.excluded = seen.same_side.excluded
+        self.own_state.silence = encoder_timeout.note_reading(self.own_state.silence, now_s)
+        wheels = self.obstacles.wheels
+        wheels.wheels_rad, wheels.read_s = seen.reading.position_rad, now_s
+        wheels.excluded = seen.same_side.excluded
 
     def watch_wheels(self, now_s: float, seen: WheelsRead, credit: Credit) -> bool:
         """Judge the wheels by a good reading (see ``MotorWatch.watch``); returns whether there is a fault."""
@@ -362,8 +365,8 @@ class SafetySupervisor:
         """
         if self.motors.loop_runs(now_s):
             stale_s = now_s - self._parameters.encoders.max_age_s - JUST_S
-            self.memory.silence = replace(
-                self.memory.silence, heard_s=max(self.memory.silence.heard_s, stale_s)
+            self.own_state.silence = replace(
+                self.own_state.silence, heard_s=max(self.own_state.silence.heard_s, stale_s)
             )
 
     def note_jump(self, jumped: tuple[int, ...]) -> None:
@@ -376,20 +379,20 @@ class SafetySupervisor:
 
     def decide(self, now_s: float, *, driven: bool) -> Decision:
         """Decide what to do now; ``driven``: a duty is in force. Raises the error of a reading's handler."""
-        if self.memory.reported is not None:
+        if self.own_state.reported is not None:
             self._take_report()
         if self._reading_error is not None:
             error, self._reading_error = self._reading_error, None
             raise error
-        decision = gate.decide(self._parameters, self.memory.gate, now_s)
+        decision = gate.decide(self._parameters, self.own_state.gate, now_s)
         if not decision.halted:
             decision = self._within_sight(decision, now_s, driven)
-        self.memory.decision = decision
+        self.own_state.decision = decision
         return decision
 
     def publish_gate_state(self, now_s: float) -> None:
         """Publish the gate's state if it has changed."""
-        memory = self.memory
+        memory = self.own_state
         state, decision = memory.gate, memory.decision
         is_settled = (
             memory.link_open or state.mode is not Mode.ARMED
@@ -411,13 +414,13 @@ class SafetySupervisor:
 
     def _within_sight(self, decision: Decision, now_s: float, driven: bool) -> Decision:
         """No motion without encoders, and none that an obstacle forbids."""
-        if encoder_timeout.awaits_echo(self._parameters.encoders, self.memory.silence, now_s):
+        if encoder_timeout.awaits_echo(self._parameters.encoders, self.own_state.silence, now_s):
             return self._crawling(decision, now_s)
-        if encoder_timeout.is_stale(self._parameters.encoders, self.memory.silence, now_s):
-            if encoder_timeout.may_await_echo(self._parameters.encoders, self.memory.silence, now_s):
+        if encoder_timeout.is_stale(self._parameters.encoders, self.own_state.silence, now_s):
+            if encoder_timeout.may_await_echo(self._parameters.encoders, self.own_state.silence, now_s):
                 return self._crawling(decision, now_s)
-            self.memory.silence, fault = encoder_timeout.update(
-                self._parameters.encoders, self.memory.silence, now_s, driven=driven
+            self.own_state.silence, fault = encoder_timeout.update(
+                self._parameters.encoders, self.own_state.silence, now_s, driven=driven
             )
             if fault is not None:
                 self.fail(fault)
@@ -445,22 +448,22 @@ class SafetySupervisor:
     def _on_range(self, event: RangeMeasured) -> None:
         """Note a range reading: after "no echo" from the ultrasonic sensor the board waits in each cycle."""
         is_missing = event.status is RangeStatus.NO_ECHO
-        if is_missing or event.sensor == self.memory.without_echo:
-            self.memory.without_echo = event.sensor if is_missing else ""
-            self.memory.silence = encoder_timeout.note_echo(
-                self._parameters.encoders, self.memory.silence, self._clock.now_s(), is_missing=is_missing
+        if is_missing or event.sensor == self.own_state.without_echo:
+            self.own_state.without_echo = event.sensor if is_missing else ""
+            self.own_state.silence = encoder_timeout.note_echo(
+                self._parameters.encoders, self.own_state.silence, self._clock.now_s(), is_missing=is_missing
             )
 
     def _take_report(self) -> None:
-        if self.memory.reported is not None:
-            fault, self.memory.reported = self.memory.reported, None
+        if self.own_state.reported is not None:
+            fault, self.own_state.reported = self.own_state.reported, None
             if self._clock.recording:
                 self._clock.publish(FaultTaken(self._clock.now_s(), str(fault.kind), fault.reason))
             self.fail(fault)
 
     def _on_battery(self, event: BatteryMeasured) -> None:
-        self.memory.battery, fault = battery_monitor.judge(
-            self._parameters.battery, self.memory.battery, event
+        self.own_state.battery, fault = battery_monitor.judge(
+            self._parameters.battery, self.own_state.battery, event
         )
         if fault is not None:
             self.fail(fault)
@@ -488,6 +491,6 @@ class SafetySupervisor:
 
     def _recover(self, reason: str) -> None:
         if self._parameters.rearm is Rearm.AUTO:
-            recovered = gate.change_mode(self.memory.gate, Trigger.RECOVERY, reason)
-            if recovered is not self.memory.gate and not self.announcer.store(recovered):
-                self.memory.gate = recovered
+            recovered = gate.change_mode(self.own_state.gate, Trigger.RECOVERY, reason)
+            if recovered is not self.own_state.gate and not self.announcer.store(recovered):
+                self.own_state.gate = recovered

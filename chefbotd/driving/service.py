@@ -4,6 +4,7 @@ Commands come in by direct call, so that a stop goes from the socket to the wire
 wheels is published as events.
 """
 
+import math
 from collections.abc import Callable
 from time import perf_counter
 
@@ -22,9 +23,9 @@ from chefbotd.core.events import (
     WheelsMeasured,
 )
 from chefbotd.core.geometry import Motion, WheelDuties
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, StatefulPart
 from chefbotd.driving.motor_watch import PAUSE_S
-from chefbotd.driving.safety_supervisor import KeeperState, SafetySupervisor
+from chefbotd.driving.safety_supervisor import SafetySupervisor, SupervisorState
 from chefbotd.driving.watch_timer import WatchTimer, WatchTimerState
 from chefbotd.driving.wheel_controller import WheelController
 from chefbotd.driving.wheel_reader import WheelReader, WheelReaderState, WheelsRead
@@ -45,24 +46,24 @@ STEP_BOUNDS_S = (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
 log = structlog.get_logger(component="drive")
 
 
-class DriveServiceState(Record, frozen=True):
+class DriveServiceState(MutableState):
     """The state of the control loop; gains and limits are parts of their own."""
 
     wheels: DriveState
-    keeper: KeeperState
+    keeper: SupervisorState
     reader: WheelReaderState
     watch_timer: WatchTimerState
-    stops: int
-    stopped_by: str
-    steps: int
-    internal_errors: int
-    acted_s: float
-    pauses: int
-    pauses_s: tuple[float, ...]
+    stops: int = 0
+    stopped_by: str = ""
+    steps: int = 0
+    internal_errors: int = 0
+    acted_s: float = -math.inf
+    pauses: int = 0
+    pauses_s: tuple[float, ...] = ()
     resumed_s: float = 0.0
 
 
-class DriveService:
+class DriveService(StatefulPart[DriveServiceState]):
     """Asks ``wheels`` what to do; ``keeper`` has the last word, ``send_duty`` puts a duty on the wire at once.
 
     ``repeat_duty`` is told the duty in force that is not sent again: by it a board knows that this loop lives.
@@ -97,7 +98,6 @@ class DriveService:
         keeper.call_on_fault(self._watch_timer.look_soon)
         self._failure = HandlerFailure()
         self._still = (0,) * len(wheel_names)
-        self.stops, self.stopped_by = 0, ""
         on_error = self._on_handler_error
         self._remove_handlers: tuple[Callable[[], None], ...] = (
             bus.add_handler(self._on_encoders, EncodersCounted, on_error=on_error),
@@ -109,39 +109,31 @@ class DriveService:
             self._remove_handlers += (bus.add_handler(self._on_echo, DutyEchoed, on_error=on_error),)
         if drive.makes_up_for_voltage:
             self._remove_handlers += (bus.add_handler(self._on_battery, BatteryMeasured, on_error=on_error),)
-        self.steps, self.step_times = 0, Histogram(STEP_BOUNDS_S)
-        self.internal_errors = 0
-        self.acted_s = float("-inf")
-        self.pauses = 0
-        self._pauses_s: tuple[float, ...] = ()
-        self._resumed_s = 0.0
+        self.step_times = Histogram(STEP_BOUNDS_S)
+        self.memory = DriveServiceState(
+            self.wheels.drive_state, keeper.memory, reader.memory, self._watch_timer.memory
+        )
+        self.parts = {"keeper": keeper, "reader": reader, "watch_timer": self._watch_timer}
 
     def state(self) -> DriveServiceState:
         """Return the state of this part."""
-        return DriveServiceState(
-            self.wheels.drive_state,
-            self.keeper.state(),
-            self.reader.state(),
-            self._watch_timer.state(),
-            self.stops,
-            self.stopped_by,
-            self.steps,
-            self.internal_errors,
-            self.acted_s,
-            self.pauses,
-            self._pauses_s,
-            self._resumed_s,
-        )
+        self.memory.wheels = self.wheels.drive_state
+        return super().state()
 
     def restore(self, state: DriveServiceState) -> None:
         """Restore this state."""
+        super().restore(state)
         self.wheels.drive_state = state.wheels
-        self.keeper.restore(state.keeper)
-        self.reader.restore(state.reader)
-        self._watch_timer.restore(state.watch_timer)
-        self.stops, self.stopped_by = state.stops, state.stopped_by
-        self.steps, self.internal_errors, self.acted_s = state.steps, state.internal_errors, state.acted_s
-        self.pauses, self._pauses_s, self._resumed_s = state.pauses, state.pauses_s, state.resumed_s
+
+    @property
+    def stops(self) -> int:
+        """How many stops and emergency stops there have been."""
+        return self.memory.stops
+
+    @property
+    def stopped_by(self) -> str:
+        """Whose was the last of them."""
+        return self.memory.stopped_by
 
     # Commands
 
@@ -180,14 +172,19 @@ class DriveService:
 
         What other clients drive is held in the name of ``by``; without a name, nothing is.
         """
-        self.stops, self.stopped_by = self.stops + 1, by
+        self.memory.stops, self.memory.stopped_by = self.memory.stops + 1, by
         self.keeper.stop(by, client)
         self._obey(self._clock.now_s())
 
     @property
+    def acted_s(self) -> float:
+        """When the loop last ran; may be read from any thread."""
+        return self.memory.acted_s
+
+    @property
     def stop_number(self) -> int:
         """That of the last stop, e-stop or fault; another one than before means that there was any."""
-        return self.keeper.memory.stop_number
+        return self.keeper.own_state.stop_number
 
     def take_over(self, client: int, source: str, *, from_another: bool) -> None:
         """A client takes control of a source: it knows of the stops so far where it did not try to drive lately."""
@@ -199,7 +196,7 @@ class DriveService:
 
     def estop(self, reason: str) -> None:
         """Zero on the wire now, and until ``arm``."""
-        self.stops, self.stopped_by = self.stops + 1, "an emergency stop"
+        self.memory.stops, self.memory.stopped_by = self.memory.stops + 1, "an emergency stop"
         self.keeper.estop(reason)
         self._obey(self._clock.now_s())
 
@@ -212,7 +209,7 @@ class DriveService:
         was_armed = self.keeper.armed
         self.keeper.arm(latch)
         if not was_armed:
-            self._pauses_s = ()
+            self.memory.pauses_s = ()
         self._obey(self._clock.now_s())
 
     def fail(self, fault: Fault) -> None:
@@ -229,8 +226,8 @@ class DriveService:
     def resumed_s(self) -> float:
         """When the loop last ran again after it had stood still while it drove, be it that it has not noticed yet."""
         now_s = self._clock.now_s()
-        stands = self.is_driving and now_s - self.acted_s > self._watchdog.timeout_s
-        return now_s if stands else self._resumed_s
+        stands = self.is_driving and now_s - self.memory.acted_s > self._watchdog.timeout_s
+        return now_s if stands else self.memory.resumed_s
 
     # The loop
 
@@ -297,7 +294,7 @@ class DriveService:
                 self._watch_timer.note_activity(now_s)
         else:
             self._watch_timer.note_stillness(now_s)
-        self.steps += 1
+        self.memory.steps += 1
         self.keeper.publish_gate_state(now_s)
         self._publish_wheels(event, seen)
         self.step_times.observe(perf_counter() - began_s)
@@ -350,18 +347,18 @@ class DriveService:
 
         A duty that was in force meanwhile is set to zero, because it was not monitored.
         """
-        stood_s, self.acted_s = now_s - self.acted_s, now_s
+        stood_s, self.memory.acted_s = now_s - self.memory.acted_s, now_s
         if stood_s <= self._watchdog.timeout_s:
             return
         self.keeper.forget_commands()
         if not self.is_driving:
             return
-        self.pauses, self._resumed_s = self.pauses + 1, now_s
-        self._pauses_s, fault = judge_pause(self._watchdog, self._pauses_s, now_s, stood_s)
+        self.memory.pauses, self.memory.resumed_s = self.memory.pauses + 1, now_s
+        self.memory.pauses_s, fault = judge_pause(self._watchdog, self.memory.pauses_s, now_s, stood_s)
         log.warning(
             "the control loop stood still while it drove",
             stood_s=round(stood_s, 3),
-            pauses_in_a_minute=len(self._pauses_s),
+            pauses_in_a_minute=len(self.memory.pauses_s),
         )
         if fault is not None:
             self.keeper.fail(fault)
@@ -399,7 +396,7 @@ class DriveService:
             self._failure.report(another)
 
     def _on_internal_error(self, error: Exception) -> None:
-        self.internal_errors += 1
+        self.memory.internal_errors += 1
         reason = f"the control loop failed and stopped: {error!r}; see the log"
         self.keeper.fail(Fault(FaultKind.INTERNAL_ERROR, reason))
         self._halt()

@@ -12,6 +12,7 @@ import structlog
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import FirmwareReported, SafetyChanged
+from chefbotd.core.record import StatefulPart
 from chefbotd.inputs import inputs_of
 from chefbotd.link.board_clock import BoardClock
 from chefbotd.link.board_memory import BoardMemory
@@ -67,7 +68,7 @@ UNKNOWN_DEADMAN = (
 )
 
 
-class BoardFirmware:
+class BoardFirmware(StatefulPart[FirmwareState]):
     """The firmware on the other end of a session.
 
     ``codec`` decodes the board's lines, and so knows their mode. Unless it ``negotiates``, nothing is ever written.
@@ -94,26 +95,28 @@ class BoardFirmware:
         self.codec = FirmwareCodec(variant)
         self._sealer = Sealer(checked_to_board(variant))
         self._log = RateLimitedLog(log)
-        self._quality, self._memory = quality, memory
-        self.now = FirmwareState(was_ours=memory.recall())
+        self._quality, self._board_memory = quality, memory
+        self.memory = FirmwareState(was_ours=memory.recall())
         self.loop = WheelLoop()
         bus.add_handler(self._on_safety, SafetyChanged)
 
     def state(self) -> FirmwareState:
         """Return the state of this part."""
-        self.now.sequence = self._sealer.sequence
-        return self.now
+        self.memory.sequence = self._sealer.sequence
+        return self.memory
 
     def restore(self, state: FirmwareState) -> None:
         """Restore this state; the codec is restored by itself."""
-        self.now.restore(state)
+        super().restore(state)
         self._sealer.sequence = state.sequence
         self._window.set_mode(is_checked=state.is_checked)
 
     def begin(self) -> None:
         """A port was opened, or is gone: nothing is known of the board behind it."""
-        was_known, armed, estopped = self.now.is_known, self.now.armed, self.now.estopped
-        self.now = FirmwareState(armed=armed, estopped=estopped, was_ours=was_known or self.now.was_ours)
+        was_known, armed, estopped = self.memory.is_known, self.memory.armed, self.memory.estopped
+        self.memory = FirmwareState(
+            armed=armed, estopped=estopped, was_ours=was_known or self.memory.was_ours
+        )
         self.codec.reset()
         self.loop.reset()
         self._window.set_mode(is_checked=False)
@@ -124,8 +127,8 @@ class BoardFirmware:
         """The board has restarted: it is in the classic mode, and may be asked again."""
         self.codec.reset()
         self.look_at_mode(now_s)
-        self.now.complaint = self.now.complaint_kind = ""
-        if self.now.is_known:
+        self.memory.complaint = self.memory.complaint_kind = ""
+        if self.memory.is_known:
             self._ask_soon(now_s)
 
     @property
@@ -134,12 +137,12 @@ class BoardFirmware:
 
         On the classic wire a damaged line may be another command, and nothing would stop the board by itself.
         """
-        now = self.now
+        now = self.memory
         return self._negotiates and (now.is_known or now.was_ours) and not now.is_checked
 
     def judge_stranger(self, now_s: float) -> None:
         """Whether another board was plugged in where ours was: its classic lines are whole, and none is a name."""
-        now = self.now
+        now = self.memory
         if not now.was_ours or now.is_known or not self._negotiates:
             return
         heard = self._quality()
@@ -149,23 +152,23 @@ class BoardFirmware:
         if now.was_ours:
             self._complain("no name", no_name(heard), now_s)
         else:
-            self._memory.keep(is_ours=False)
+            self._board_memory.keep(is_ours=False)
             now.complaint = now.complaint_kind = ""
             log.info("the board at this port does not run our firmware any more")
 
     def _recognize(self) -> None:
         """It is ours, as its name or a checked line says."""
-        now = self.now
+        now = self.memory
         if not now.is_known:
             now.is_known = True
             if not now.was_ours:
-                self._memory.keep(is_ours=True)
+                self._board_memory.keep(is_ours=True)
 
     # What is written
 
     def seal(self, line: bytes, now_s: float) -> bytes:
         """A command as a checked line, which the board echoes by its number."""
-        now = self.now
+        now = self.memory
         now.newest_command = self._sealer.sequence
         now.written_s[now.newest_command] = now_s
         self.loop.note_sent(now.newest_command)
@@ -173,11 +176,11 @@ class BoardFirmware:
 
     def reset_line(self, plain: bytes) -> bytes:
         """The line that restarts the board, in its mode."""
-        return self._sealer.seal(plain) if self.now.is_checked else plain
+        return self._sealer.seal(plain) if self.memory.is_checked else plain
 
     def greet(self, now_s: float) -> None:
         """Write a hello if one is due and the board has room for it; else the next read will."""
-        now = self.now
+        now = self.memory
         if now_s < now.due_s or not self._writer.has_drained() or not self._window.has_room(HELLO_BYTES):
             return
         if now.unanswered >= MOST_HELLOS:
@@ -191,7 +194,7 @@ class BoardFirmware:
 
     def set_up_loop(self, now_s: float) -> None:
         """Write the next parameter of the wheel loop, if the board has one and room for it; else the next read will."""
-        now = self.now
+        now = self.memory
         has_loop = now.named is not None and bool(now.named.capabilities & CAPABILITY)
         if now.answer is None or not has_loop or not self._window.has_room(PARAMETER_BYTES):
             return
@@ -204,20 +207,20 @@ class BoardFirmware:
         self._window.note_other(len(line), now_s)
 
     def _ask_soon(self, now_s: float) -> None:
-        now = self.now
+        now = self.memory
         now.unanswered = 0
         if self._negotiates:
             now.due_s = max(now_s, now.hello_s + ANSWER_S)
 
     def _stop_asking(self, now_s: float) -> None:
-        now = self.now
+        now = self.memory
         now.due_s, now.unanswered = now_s + AGAIN_S, 0
         self._complain("no answer", no_answer(self._quality(), now.counters_before, MOST_HELLOS), now_s)
 
     def _complain(self, kind: str, reason: str, now_s: float) -> None:
         """Say once what is wrong with the negotiation."""
-        if self.now.complaint_kind != kind:
-            self.now.complaint_kind, self.now.complaint = kind, reason
+        if self.memory.complaint_kind != kind:
+            self.memory.complaint_kind, self.memory.complaint = kind, reason
             log.warning("the board does not agree on the checked mode", reason=reason)
             self._bus.publish(self.report(now_s))
 
@@ -225,7 +228,7 @@ class BoardFirmware:
 
     def _on_safety(self, event: SafetyChanged) -> None:
         """Latch an e-stop on the board too, and end it when the robot is armed again."""
-        now, now_s = self.now, self._clock.now_s()
+        now, now_s = self.memory, self._clock.now_s()
         was_armed, was_estopped, now.latched_s = now.armed, now.estopped, -math.inf
         now.estopped = event.mode == "estopped"
         now.armed = not now.estopped and event.mode != "disarmed"
@@ -238,19 +241,19 @@ class BoardFirmware:
             self._arm_board(now_s)
 
     def _stop_board(self, now_s: float) -> None:
-        if self._negotiates and self.now.is_known:
+        if self._negotiates and self.memory.is_known:
             self._write_line(ESTOP, now_s)
 
     def _arm_board(self, now_s: float) -> None:
-        board = self.now.board
-        if self.now.is_checked and board is not None and self.now.has_latched:
+        board = self.memory.board
+        if self.memory.is_checked and board is not None and self.memory.has_latched:
             self._write_line(self._sealer.encode(wire.Arm(board.estop)), now_s)
 
     # What the board says
 
     def look_at_mode(self, now_s: float) -> None:
         """Follow the mode of the board's lines; commands are sealed from now on, or not any more."""
-        now, is_checked = self.now, self.codec.is_checked
+        now, is_checked = self.memory, self.codec.is_checked
         if now.is_checked is is_checked:
             return
         if is_checked:
@@ -270,7 +273,7 @@ class BoardFirmware:
 
     def named(self, message: wire.Firmware, now_s: float) -> FirmwareReported | None:
         """It is our firmware: greet it, unless that was tried in vain."""
-        now = self.now
+        now = self.memory
         is_new, now.named = now.named != message, message
         if not now.is_known:
             self._recognize()
@@ -279,7 +282,7 @@ class BoardFirmware:
 
     def answered(self, message: wire.HelloAnswer, now_s: float, clock: BoardClock) -> FirmwareReported | None:
         """The checked mode is agreed on; the hello measures the line and both clocks."""
-        now = self.now
+        now = self.memory
         if message.of != now.hello_sequence or not now.unanswered:
             return None
         is_first, now.answer = now.answer is None, message
@@ -301,14 +304,14 @@ class BoardFirmware:
 
     def _ask_about(self, now_s: float) -> None:
         """Ask what it counts and which build it is, until it has answered; one that does not know that refuses it."""
-        now = self.now
+        now = self.memory
         if now.about is None and now.about_asks < MOST_ASKS and self._window.has_room(ABOUT_BYTES):
             now.about_asks, now.about_sequence = now.about_asks + 1, self._sealer.sequence
             self._write_line(self._sealer.encode(wire.AskAbout()), now_s)
 
     def told_about(self, message: wire.BoardAbout, now_s: float) -> FirmwareReported:
         """What the board counts, and which build it is."""
-        self.now.about = message
+        self.memory.about = message
         self.loop.limit_edges(message.most_edges_s)
         return self.report(now_s)
 
@@ -324,7 +327,7 @@ class BoardFirmware:
 
     def echoed(self, of: int, now_s: float) -> None:
         """The command of this number is in force: when it is the newest, the board has read all."""
-        now = self.now
+        now = self.memory
         if of == now.newest_command:
             self._window.all_read()
         if of != now.echoed:
@@ -335,7 +338,7 @@ class BoardFirmware:
 
     def told_state(self, message: wire.BoardState, now_s: float) -> FirmwareReported | None:
         """Which stops are in force; one that was lost on the wire is asked for again, and so is the end of one."""
-        now = self.now
+        now = self.memory
         is_new, now.board = now.board != message, message
         is_latched = now.has_latched
         if now_s - now.latched_s >= STOP_AGAIN_S:
@@ -349,17 +352,17 @@ class BoardFirmware:
 
     def counted(self, message: wire.BoardCounters, now_s: float) -> FirmwareReported:
         """What was damaged, refused, lost and late on the board."""
-        self.now.counters = message
+        self.memory.counters = message
         return self.report(now_s)
 
     def refused(self, message: wire.CommandRefused, now_s: float) -> None:
         """The board refuses a line that arrived whole."""
-        if message.of == self.now.about_sequence and self.now.about is None:
-            self.now.about_asks = MOST_ASKS  # an older firmware
+        if message.of == self.memory.about_sequence and self.memory.about is None:
+            self.memory.about_asks = MOST_ASKS  # an older firmware
             return
         reason = REFUSALS.get(message.what, f"reason {message.what}")
         self._log.warning("the board refused a line", reason=reason, line=message.of)
 
     def report(self, now_s: float) -> FirmwareReported:
         """Everything that is known of it."""
-        return report(self.now, now_s, lines_lost=self.codec.lost)
+        return report(self.memory, now_s, lines_lost=self.codec.lost)

@@ -5,12 +5,12 @@ left. So what it may not have read is counted in bytes. It has read what was wri
 what its `s` line says is in force. And a board whose echo no longer follows is told nothing that makes a wheel faster.
 """
 
-from collections import deque
+import math
 from collections.abc import Callable
 
 from msgspec import Struct
 
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, StatefulPart
 from firmware_protocol.checked import SEAL_BYTES
 
 Duty = tuple[int, ...]
@@ -47,27 +47,27 @@ class _Line(Struct, gc=False):
     written_s: float
 
 
-class WindowState(Record, frozen=True):
+class WindowState(MutableState):
     """The written commands that the board has not read or confirmed, and the board's echo."""
 
     newest: Duty
-    written_s: float
-    unread: tuple[_Line, ...]
-    unconfirmed: tuple[tuple[Duty, int, float], ...]
-    echo: tuple[float, ...] | None
-    echo_follows: bool
-    cycles: int
-    cycle_s: float
+    written_s: float = -math.inf
+    unread: list[_Line] = []
+    unconfirmed: list[tuple[Duty, int, float]] = []
+    echo: tuple[float, ...] | None = None
+    echo_follows: bool = False
+    cycles: int = 0
+    cycle_s: float = -math.inf
 
 
-class SendWindow:
+class SendWindow(StatefulPart[WindowState]):
     """``room_bytes`` is the board's receive buffer, ``size_of`` a command's length on the wire with its end.
 
     A stop may always go: whatever pieces of it are left say zero. It keeps the room of two, and a command that slows the
     room of one more. One that repeats the last waits until there is room for a change beside it; a stop that does
-    goes as soon as the buffer is nearly empty, and every ``STOP_AGAIN_S``. ``newest`` is the last command that was
-    written; a stop before the first. While it ``is_checked``, each command is longer by its seal,
-    and the board is our own firmware, which never waits.
+    goes as soon as the buffer is nearly empty, and every ``STOP_AGAIN_S``. ``newest`` in its memory is the last command
+    that was written; a stop before the first. While it ``is_checked``, each command is longer by its seal, and the board
+    is our own firmware, which never waits.
     """
 
     def __init__(self, room_bytes: int, wheels: int, size_of: Callable[[Duty], int]) -> None:
@@ -76,7 +76,10 @@ class SendWindow:
         self._stop_room = 2 * size_of(self._still)
         self._classic_room_bytes = room_bytes
         self.is_checked, self._seal_bytes = False, 0
-        self.forget()
+        self.memory, self.unread_bytes = (
+            WindowState(self._still),
+            0,
+        )  # of the board's buffer that may be in use
 
     def set_mode(self, *, is_checked: bool) -> None:
         """Commands are sealed from now on, or not any more."""
@@ -86,139 +89,114 @@ class SendWindow:
 
     def forget(self) -> None:
         """The port is gone, and what it held with it."""
-        self._echo_follows = False
-        self._echo: tuple[float, ...] | None = None
-        self.restarted()
+        self.memory, self.unread_bytes = WindowState(self._still), 0
 
     def restarted(self) -> None:
         """The board restarted: its buffer is empty, and its motors stand."""
-        self._unread: deque[_Line] = deque()
-        self._unread_bytes = 0
-        self._unconfirmed: deque[tuple[Duty, int, float]] = deque()
-        self.newest = self._still
-        self._cycles, self._cycle_s, self._written_s = 0, float("-inf"), float("-inf")
-
-    def state(self) -> WindowState:
-        """Return the state of this part."""
-        return WindowState(
-            self.newest,
-            self._written_s,
-            tuple(self._unread),
-            tuple(self._unconfirmed),
-            self._echo,
-            self._echo_follows,
-            self._cycles,
-            self._cycle_s,
-        )
+        before = self.memory
+        self.memory = WindowState(self._still, echo=before.echo, echo_follows=before.echo_follows)
+        self.unread_bytes = 0
 
     def restore(self, state: WindowState) -> None:
         """Restore this state."""
-        self.newest, self._written_s = state.newest, state.written_s
-        self._unread, self._unconfirmed = deque(state.unread), deque(state.unconfirmed)
-        self._unread_bytes = sum(line.size for line in state.unread)
-        self._echo, self._echo_follows = state.echo, state.echo_follows
-        self._cycles, self._cycle_s = state.cycles, state.cycle_s
-
-    @property
-    def unread_bytes(self) -> int:
-        """How much of the board's buffer may be in use."""
-        return self._unread_bytes
+        super().restore(state)
+        self.unread_bytes = sum(line.size for line in state.unread)
 
     def admit(self, duty: Duty, now_s: float) -> bool:
         """Whether ``duty`` may be written now."""
         if not any(duty):
-            crowded = 4 * (self._unread_bytes + self._size_of(duty)) > self._room_bytes
-            return duty != self.newest or not crowded or now_s - self._written_s >= STOP_AGAIN_S
-        if self.is_checked and duty == self.newest and now_s - self._written_s >= FEED_S:
+            crowded = 4 * (self.unread_bytes + self._size_of(duty)) > self._room_bytes
+            return duty != self.memory.newest or not crowded or now_s - self.memory.written_s >= STOP_AGAIN_S
+        if self.is_checked and duty == self.memory.newest and now_s - self.memory.written_s >= FEED_S:
             return True
         if self.echo_is_stuck(now_s):
-            if not slows(duty, self.newest):
+            if not slows(duty, self.memory.newest):
                 return False
-            if duty == self.newest:
-                return now_s - self._written_s >= LINE_LOST_S
+            if duty == self.memory.newest:
+                return now_s - self.memory.written_s >= LINE_LOST_S
         size = self._size_of(duty) + self._seal_bytes
-        changes = 2 if duty == self.newest else 0 if slows(duty, self.newest) else 1
-        needed = self._unread_bytes + size + changes * size + self._stop_room
-        return needed <= self._room_bytes or not self._unread_bytes
+        changes = 2 if duty == self.memory.newest else 0 if slows(duty, self.memory.newest) else 1
+        needed = self.unread_bytes + size + changes * size + self._stop_room
+        return needed <= self._room_bytes or not self.unread_bytes
 
     def echo_is_stuck(self, now_s: float) -> bool:
         """Whether the board goes on and its echo, which has followed before, does not show what was written."""
-        if not (self._echo_follows and self._unconfirmed):
+        if not (self.memory.echo_follows and self.memory.unconfirmed):
             return False
-        _, cycles, written_s = self._unconfirmed[0]
-        return self._cycles - cycles >= STUCK_CYCLES and now_s - written_s >= STUCK_S
+        _, cycles, written_s = self.memory.unconfirmed[0]
+        return self.memory.cycles - cycles >= STUCK_CYCLES and now_s - written_s >= STUCK_S
 
     def complaint(self, now_s: float) -> str:
         """What is wrong with the echo, for people; nothing while it follows."""
         if not self.echo_is_stuck(now_s):
             return ""
         return (
-            f"the board reports duty {self._echo}, but {self.newest} was sent: commands that speed a "
+            f"the board reports duty {self.memory.echo}, but {self.memory.newest} was sent: commands that speed a "
             "wheel up are held back until both agree; does the board receive what it is sent?"
         )
 
     def note(self, duty: Duty, now_s: float, times: int = 1) -> None:
         """``duty`` was written so many times; what is kept is bounded by the buffer."""
         size = times * (self._size_of(duty) + self._seal_bytes)
-        if self._unread_bytes + size > self._room_bytes and self._unread:
-            self._unread[-1].written_s = now_s  # a stop that may not fit: the buffer holds no more
+        if self.unread_bytes + size > self._room_bytes and self.memory.unread:
+            self.memory.unread[-1].written_s = now_s  # a stop that may not fit: the buffer holds no more
         else:
-            self._unread.append(_Line(duty, size, now_s))
-            self._unread_bytes += size
-        if duty != self.newest and len(self._unconfirmed) < MOST_UNCONFIRMED:
-            self._unconfirmed.append((duty, self._cycles, now_s))
-        self.newest, self._written_s = duty, now_s
+            self.memory.unread.append(_Line(duty, size, now_s))
+            self.unread_bytes += size
+        if duty != self.memory.newest and len(self.memory.unconfirmed) < MOST_UNCONFIRMED:
+            self.memory.unconfirmed.append((duty, self.memory.cycles, now_s))
+        self.memory.newest, self.memory.written_s = duty, now_s
 
     def note_other(self, size: int, now_s: float) -> None:
         """A line that is no motor command was written, for which there was room."""
-        self._unread.append(_Line(None, size, now_s))
-        self._unread_bytes += size
+        self.memory.unread.append(_Line(None, size, now_s))
+        self.unread_bytes += size
 
     def has_room(self, size: int) -> bool:
         """Whether a line that is no motor command fits beside what is unread and two stops."""
-        return self._unread_bytes + size + self._stop_room <= self._room_bytes
+        return self.unread_bytes + size + self._stop_room <= self._room_bytes
 
     def all_read(self) -> None:
         """The board has said that it has read everything."""
-        self._unread.clear()
-        self._unread_bytes = 0
+        self.memory.unread.clear()
+        self.unread_bytes = 0
 
     def cycle(self, now_s: float) -> None:
         """A line came that the board prints once in every cycle: what was written before the last one has been read."""
-        if now_s == self._cycle_s:  # in the same read, nobody knows when it was printed
+        if now_s == self.memory.cycle_s:  # in the same read, nobody knows when it was printed
             return
-        while self._unread and self._unread[0].written_s <= self._cycle_s:
-            self._unread_bytes -= self._unread.popleft().size
-        self._cycles, self._cycle_s = self._cycles + 1, now_s
+        while self.memory.unread and self.memory.unread[0].written_s <= self.memory.cycle_s:
+            self.unread_bytes -= self.memory.unread.pop(0).size
+        self.memory.cycles, self.memory.cycle_s = self.memory.cycles + 1, now_s
 
     def echoed(self, duty: tuple[float, ...]) -> None:
         """The board says which command is in force: if that is another one than before, it has read up to that."""
-        moved, self._echo = duty != self._echo, duty
-        if duty == self.newest:
+        moved, self.memory.echo = duty != self.memory.echo, duty
+        if duty == self.memory.newest:
             confirmed = True
-            self._unconfirmed.clear()
+            self.memory.unconfirmed.clear()
         else:
             confirmed = self._confirm(duty, moved)
         if confirmed and any(duty):
-            self._echo_follows = True
+            self.memory.echo_follows = True
         if moved:
             self._drop_through(duty)
 
     def _confirm(self, duty: tuple[float, ...], moved: bool) -> bool:
         """Handle an echo of an older command: drop what it confirms. Returns whether it was expected."""
-        for count, (waiting, _, _) in enumerate(self._unconfirmed, 1):
+        for count, (waiting, _, _) in enumerate(self.memory.unconfirmed, 1):
             if waiting == duty:
                 for _ in range(count):
-                    self._unconfirmed.popleft()
+                    self.memory.unconfirmed.pop(0)
                 return True
         if moved:
-            self._unconfirmed.clear()
+            self.memory.unconfirmed.clear()
         return False
 
     def _drop_through(self, duty: tuple[float, ...]) -> None:
         """The board has read all that was written up to this command, if it is among what may be unread."""
-        for count, line in enumerate(self._unread, 1):
+        for count, line in enumerate(self.memory.unread, 1):
             if line.duty == duty:
                 for _ in range(count):
-                    self._unread_bytes -= self._unread.popleft().size
+                    self.unread_bytes -= self.memory.unread.pop(0).size
                 return

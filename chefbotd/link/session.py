@@ -143,7 +143,7 @@ class BoardSession(asyncio.Protocol):
             self.setpoints.state(),
             self.monitor.state(),
             self.firmware.state(),
-            self.firmware.loop.now.state(),
+            self.firmware.loop.memory.state(),
         )
 
     def restore(self, state: BoardSessionState) -> None:
@@ -156,7 +156,7 @@ class BoardSession(asyncio.Protocol):
         self.setpoints.restore(state.setpoints)
         self.monitor.restore(state.monitor)
         self.firmware.restore(state.firmware)
-        self.firmware.loop.now.restore(state.loop)
+        self.firmware.loop.memory.restore(state.loop)
 
     # What asyncio tells us
 
@@ -206,14 +206,14 @@ class BoardSession(asyncio.Protocol):
                     if type(event) in MOTORS_FIRST:
                         bus.deliver()
                         bus.hold()
-            if self.firmware.codec.is_checked is not self.firmware.now.is_checked:
+            if self.firmware.codec.is_checked is not self.firmware.memory.is_checked:
                 self.firmware.look_at_mode(now_s)
         finally:
             self._bus.deliver()
         self.setpoints.heard()
-        if now_s >= self.firmware.now.due_s:
+        if now_s >= self.firmware.memory.due_s:
             self.firmware.greet(now_s)
-        if self.firmware.loop.is_wanted and self.firmware.now.is_checked:
+        if self.firmware.loop.is_wanted and self.firmware.memory.is_checked:
             self.firmware.set_up_loop(now_s)
 
     @property
@@ -240,11 +240,11 @@ class BoardSession(asyncio.Protocol):
     def _complaint(self, now_s: float) -> LinkHealth | None:
         if shared := self.monitor.shared_complaint():
             return shared
-        if self._counting is not None and self.firmware.now.is_known is self._kind_held:
+        if self._counting is not None and self.firmware.memory.is_known is self._kind_held:
             return LinkHealth(Condition.COUNTS_DIFFER, self._counting.difference)
         if echo := self._window.complaint(now_s):
             return LinkHealth(Condition.ECHO_STUCK, echo)
-        if unanswered := self.firmware.now.complaint:
+        if unanswered := self.firmware.memory.complaint:
             return LinkHealth(Condition.NOT_NEGOTIATED, unanswered)
         return self.monitor.format_complaint(self.board_clock.newest)
 
@@ -275,20 +275,22 @@ class BoardSession(asyncio.Protocol):
     def _holds_motion(self) -> bool:
         """Whether the board may not be moved: it restarts, counts otherwise than is configured, or is unchecked."""
         firmware = self.firmware
-        return self.restarts.holds_motion or firmware.now.is_known is self._kind_held or firmware.holds_motion
+        return (
+            self.restarts.holds_motion or firmware.memory.is_known is self._kind_held or firmware.holds_motion
+        )
 
     def send_duty(self, duty: tuple[int, ...]) -> None:
         """Put a motor command on the wire, replacing one that still waits; without a link it is dropped."""
         if self.is_open:
             if self._holds_motion:
                 duty = self._still
-            if self.firmware.loop.now.is_ready:
+            if self.firmware.loop.memory.is_ready:
                 duty = self._command_of(duty)
             self.setpoints.offer(duty)
 
     def repeat_duty(self, duty: tuple[int, ...]) -> None:
         """The control loop lives, and has nothing new to say: feeds the board's dead-man, where it has one."""
-        if self.firmware.now.is_checked:
+        if self.firmware.memory.is_checked:
             self.send_duty(duty)
 
     def duty_ceiling(self, now_s: float) -> tuple[int, ...] | None:
@@ -338,7 +340,7 @@ class BoardSession(asyncio.Protocol):
 
     def _write_duty(self, duty: tuple[int, ...], now_s: float, first: bool) -> None:
         # The stop that ends a motion is obeyed without a checksum, those that repeat it feed the dead-man.
-        if self.firmware.now.is_checked and (duty != self._still or duty == self._window.newest):
+        if self.firmware.memory.is_checked and (duty != self._still or duty == self._window.memory.newest):
             self._write_checked(self._command_line(duty), now_s, first)
             self._wrote(duty, now_s, FIRST_STOPS if first else 1)
         elif first:  # only what slows
@@ -387,7 +389,7 @@ class BoardSession(asyncio.Protocol):
         loop = self.firmware.loop
         if loop.drives:
             duty = loop.duty_of(duty)
-        loop.now.written_duty = duty
+        loop.memory.written_duty = duty
         if self._bus.has_listeners(DutyWritten):
             self._bus.publish(DutyWritten(now_s, duty))
 

@@ -87,7 +87,7 @@ class SetpointWriter(StatefulPart[SetpointState]):
         if self.memory.withdrawn:
             self._note_withdrawn()
         waits = self.memory.pending is not None and self._timer is None
-        return self._window.newest if waits or self._window.echo_is_stuck(now_s) else None
+        return self._window.memory.newest if waits or self._window.echo_is_stuck(now_s) else None
 
     def offer(self, duty: Duty) -> None:
         """Send ``duty`` now if the interval allows it, else as soon as it does, unless a newer one comes first."""
@@ -120,7 +120,7 @@ class SetpointWriter(StatefulPart[SetpointState]):
             memory.pending = None
             return
         if not self._window.admit(duty, now_s):
-            if duty == self._window.newest:  # it was said already
+            if duty == self._window.memory.newest:  # it was said already
                 memory.pending = None
             return
         memory.pending, memory.written = None, duty

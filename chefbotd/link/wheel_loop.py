@@ -7,7 +7,7 @@ judge the duty that the controller here would have given, by the number of the c
 import math
 from collections.abc import Callable, Sequence
 
-from chefbotd.core.record import MutableState, Record
+from chefbotd.core.record import MutableState, Record, StatefulPart
 from chefbotd.motion.kinematics import ChassisParameters
 from chefbotd.motion.pid import PidParameters
 
@@ -78,7 +78,7 @@ class WheelLoopState(MutableState):
     most_edges_s: int | None = None
 
 
-class WheelLoop:
+class WheelLoop(StatefulPart[WheelLoopState]):
     """Not wanted until ``use`` is called; ready when the board has confirmed each parameter.
 
     Parameters that change later follow one by one, while the board drives on.
@@ -88,7 +88,7 @@ class WheelLoop:
         self._parameters = WheelLoopParameters((), ())
         self._targets_rad_s: Callable[[], tuple[float, ...] | None] = tuple
         self.is_wanted = False
-        self.now = WheelLoopState()
+        self.memory = WheelLoopState()
 
     def use(
         self, parameters: WheelLoopParameters, targets_rad_s: Callable[[], tuple[float, ...] | None]
@@ -105,23 +105,23 @@ class WheelLoop:
 
     def limit_edges(self, most_edges_s: int) -> None:
         """The board counts no more edges of a wheel a second than these: it refuses a speed that would have more."""
-        self.now.most_edges_s = most_edges_s
+        self.memory.most_edges_s = most_edges_s
 
     @property
     def _most_mrad_s(self) -> int:
-        if self.now.most_edges_s is None:
+        if self.memory.most_edges_s is None:
             return MOST_MRAD_S
-        return min(MOST_MRAD_S, self.now.most_edges_s * TURN_MRAD // self._parameters.values[0])
+        return min(MOST_MRAD_S, self.memory.most_edges_s * TURN_MRAD // self._parameters.values[0])
 
     def reset(self) -> None:
         """The board knows no parameters: it is another one, or has another mode."""
-        self.now = WheelLoopState(most_edges_s=self.now.most_edges_s)
+        self.memory = WheelLoopState(most_edges_s=self.memory.most_edges_s)
 
     # Set up
 
     def next_parameter(self, now_s: float) -> tuple[int, int] | None:
         """The parameter that is to be sent now, if any."""
-        now, number = self.now, self._next_number()
+        now, number = self.memory, self._next_number()
         if number is None or now_s - now.asked_s < ASK_AGAIN_S:
             return None
         now.asked_s = now_s
@@ -129,7 +129,7 @@ class WheelLoop:
 
     def _next_number(self) -> int | None:
         """The first parameter that the board does not have; None: it has all."""
-        confirmed = self.now.confirmed
+        confirmed = self.memory.confirmed
         for number, value in enumerate(self._parameters.values):
             if confirmed.get(number) != value:
                 return number
@@ -137,7 +137,7 @@ class WheelLoop:
 
     def confirm(self, parameter: int, value: int) -> bool:
         """The board has a parameter; whether that makes the loop ready."""
-        now = self.now
+        now = self.memory
         if not self.is_wanted or parameter != self._next_number():
             return False
         now.confirmed[parameter], now.asked_s = value, -math.inf
@@ -151,12 +151,12 @@ class WheelLoop:
     @property
     def drives(self) -> bool:
         """Whether a command is a speed of each wheel."""
-        return self.now.is_ready and not self.now.by_duty
+        return self.memory.is_ready and not self.memory.by_duty
 
     def changes_over(self) -> bool:
         """Whether the wheels are driven by duties from now on, or not any more: a command that waits is none now."""
-        before, self.now.by_duty = self.now.by_duty, self._targets_rad_s() is None
-        return self.now.by_duty is not before
+        before, self.memory.by_duty = self.memory.by_duty, self._targets_rad_s() is None
+        return self.memory.by_duty is not before
 
     def command(self, duty: Command) -> Command:
         """The wheels' setpoints in mrad/s, in the place of this duty; no duty is a stop."""
@@ -165,21 +165,21 @@ class WheelLoop:
             wheels, most = zip(targets_rad_s, self._parameters.signs, strict=True), self._most_mrad_s
             limited = [(max(-most, min(most, round(1000 * speed))), sign) for speed, sign in wheels]
             speeds = tuple([sign * speed for speed, sign in limited])
-        self.now.offered = speeds, duty
+        self.memory.offered = speeds, duty
         return speeds
 
     def note_sent(self, number: int) -> None:
         """The newest command goes out as the line of this number."""
-        if self.drives and self.now.offered is not None:
-            self.now.sent[number] = self.now.offered
+        if self.drives and self.memory.offered is not None:
+            self.memory.sent[number] = self.memory.offered
         else:
-            self.now.sent.pop(number, None)
+            self.memory.sent.pop(number, None)
 
     def duty_of(self, command: Command) -> Command:
         """The duty that stood behind a command."""
-        offered = self.now.offered
-        return offered[1] if offered is not None and offered[0] == command else self.now.written_duty
+        offered = self.memory.offered
+        return offered[1] if offered is not None and offered[0] == command else self.memory.written_duty
 
     def obeyed(self, of: int, duty: Command) -> tuple[Command, Command]:
         """The command and the duty behind it that the board obeys when it says so: its own duty is the loop's."""
-        return self.now.sent.get(of, (duty, duty)) if any(duty) else (duty, duty)
+        return self.memory.sent.get(of, (duty, duty)) if any(duty) else (duty, duty)

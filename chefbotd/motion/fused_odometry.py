@@ -13,7 +13,7 @@ from typing import Final
 
 from chefbotd.core.events.robot import ImuMeasured, ImuTrust, MotionAnomaly, WheelsDriven
 from chefbotd.core.geometry import Pose2D, wrap_angle
-from chefbotd.core.record import replace
+from chefbotd.core.record import StatefulPart, replace
 from chefbotd.motion import motion_filter
 from chefbotd.motion.bias_evidence import EVIDENCE_S, NO_EVIDENCE, BiasEvidence, with_evidence
 from chefbotd.motion.heading_fusion import FusionState, note_cycle, note_refusal, take_headings
@@ -46,7 +46,7 @@ STILL_M: Final = 2e-4
 """Wheels that roll less in a cycle dither by a count or two."""
 
 
-class FusedOdometry:
+class FusedOdometry(StatefulPart[FusionState]):
     """Odometry by wheels and IMU, for a robot of this effective track.
 
     ``travel_variance`` (m²/m) and ``turn_variance`` (rad²/rad) are those of the wheels. ``imu_scale`` and ``imu_lag_s``
@@ -73,41 +73,33 @@ class FusedOdometry:
         self._by_wheels = Considered(size, parameters.track_sigma**2, per_m, gyro)
         self._by_gyro = Considered(size, gyro, 0.0, gyro)
         self._limits = parameters.slip_rad, 3 * (parameters.track_sigma + parameters.gyro_scale_sigma)
-        self._memory = FusionState()
-
-    def state(self) -> FusionState:
-        """Return the state of this part."""
-        return self._memory
-
-    def restore(self, state: FusionState) -> None:
-        """Restore this state."""
-        self._memory = state
+        self.memory = FusionState()
 
     @property
     def estimate(self) -> MotionEstimate:
         """The filter's state at the last travel of the wheels."""
-        return self._memory.estimate
+        return self.memory.estimate
 
     @property
     def lag_s(self) -> float:
         """By how much more than configured the IMU's headings come late."""
-        return self._memory.lag_s
+        return self.memory.lag_s
 
     @property
     def rate_rad_s(self) -> float | None:
         """How fast the robot turns by the gyroscope; None without one."""
-        now = self._memory
+        now = self.memory
         if not now.has_rates or now.rates.used_rad is None:
             return None
         return 0.0 if now.resting_s > REST_S else now.rates.rate_rad_s - now.estimate.bias_rad_s
 
     def move_to(self, pose: Pose2D) -> None:
         """Declare the robot's pose; it becomes certain."""
-        self._memory.estimate = motion_filter.at_pose(self._memory.estimate, pose)
+        self.memory.estimate = motion_filter.at_pose(self.memory.estimate, pose)
 
     def forget_imu(self) -> None:
         """Begin anew with the IMU: the board has restarted or is gone, so its heading and its queue begin anew."""
-        now = self._memory
+        now = self.memory
         now.has_offset, now.lag_s, now.irregular_cycles, now.imu_values = False, 0.0, 0, ()
         now.headings, now.rates, now.unchanged_rad = HeadingTrack(), RateTrack(), 0.0
         now.agreement, now.by_wheels, now.rest_from = ImuAgreement(), None, None
@@ -118,7 +110,7 @@ class FusedOdometry:
     @property
     def imu_trust(self) -> ImuTrust:
         """What is made of the IMU."""
-        now = self._memory
+        now = self.memory
         if now.stamp_s is None or now.imu_s == -math.inf:
             return ImuTrust.UNUSED
         if now.agreement.fault:
@@ -133,13 +125,13 @@ class FusedOdometry:
 
     @property
     def _is_frozen(self) -> bool:
-        now = self._memory
+        now = self.memory
         return now.imu_repeats >= FROZEN_READINGS and abs(now.unchanged_rad) > FROZEN_RAD
 
     @property
     def anomaly(self) -> MotionAnomaly:
         """What makes the motion less certain."""
-        now, stamp_s = self._memory, self._memory.stamp_s or 0.0
+        now, stamp_s = self.memory, self.memory.stamp_s or 0.0
         if now.is_lifted:
             return MotionAnomaly.LIFTED
         if stamp_s - now.turns.push_s < QUIET_S:
@@ -150,11 +142,11 @@ class FusedOdometry:
 
     def add_driven(self, event: WheelsDriven) -> None:
         """Add what the wheels were to do."""
-        self._memory.stall.add(event.stamp_s, event.velocity_rad_s, event.target_rad_s, event.duty)
+        self.memory.stall.add(event.stamp_s, event.velocity_rad_s, event.target_rad_s, event.duty)
 
     def add_imu(self, event: ImuMeasured) -> None:
         """Add a reading of the IMU; it takes effect with the next travel of the wheels that is not older."""
-        now, stamp_s = self._memory, event.stamp_s - self._lag_s
+        now, stamp_s = self.memory, event.stamp_s - self._lag_s
         now.imu_s = event.stamp_s
         if now.agreement.fault:
             return
@@ -182,7 +174,7 @@ class FusedOdometry:
 
     def _note_change(self, values: tuple[float, ...], heading_rad: float | None) -> None:
         """A reading that repeats nothing: the IMU follows the wheels, unless it has not for long, or by too little."""
-        now = self._memory
+        now = self.memory
         now.imu_values, now.imu_repeats = values, max(0, now.imu_repeats - CHANGE_REPEATS)
         last_rad, unchanged_rad = now.agreement.last_rad, abs(now.unchanged_rad)
         shown_rad = math.inf
@@ -193,7 +185,7 @@ class FusedOdometry:
             now.unchanged_rad = 0.0
 
     def _add_heading(self, stamp_s: float, reading_rad: float) -> None:
-        now = self._memory
+        now = self.memory
         expected_rad = reading_rad
         if now.has_offset:
             expected_rad = now.estimate.heading_rad + now.estimate.offset_rad
@@ -206,7 +198,7 @@ class FusedOdometry:
 
     def add_travel(self, stamp_s: float, left_m: float, right_m: float) -> MotionEstimate:
         """The estimate at ``stamp_s``, up to which both sides have rolled so far since the last call."""
-        now, parameters = self._memory, self._parameters
+        now, parameters = self.memory, self._parameters
         dt_s = 0.0 if now.stamp_s is None else max(stamp_s - now.stamp_s, 0.0)
         now.stamp_s = stamp_s
         if parameters.max_acceleration_m_s2 is not None and dt_s > 0:
@@ -238,7 +230,7 @@ class FusedOdometry:
         self, stamp_s: float, travel_m: float, by_wheels_rad: float, by_gyro_rad: float | None
     ) -> None:
         """Compare the IMU's turns with the wheels'; leave one out that disagrees, with what it has done to the pose."""
-        now, agreement = self._memory, self._memory.agreement
+        now, agreement = self.memory, self.memory.agreement
         if by_gyro_rad is not None:
             agreement.add_rate(by_gyro_rad)
         if now.by_wheels is None:
@@ -260,7 +252,7 @@ class FusedOdometry:
 
     def _leave_out_imu(self, by_wheels: Pose2D) -> None:
         """Go on by the wheels alone, from the pose that they alone have led to."""
-        now = self._memory
+        now = self.memory
         agreement, by_wheels_rad = now.agreement, self._parameters.track_sigma
         self.forget_imu()
         now.agreement, now.has_rates, now.has_headings = agreement, False, False
@@ -272,13 +264,13 @@ class FusedOdometry:
     @property
     def imu_reason(self) -> str:
         """Why the IMU is left out; empty where it is not."""
-        return self._memory.agreement.reason()
+        return self.memory.agreement.reason()
 
     def _without_spike(
         self, left_m: float, right_m: float, dt_s: float, most_m_s2: float
     ) -> tuple[float, float]:
         """The travel, or that of the last speed where it needs an impossible acceleration."""
-        now, (left_m_s, right_m_s) = self._memory, self._memory.sides_m_s
+        now, (left_m_s, right_m_s) = self.memory, self.memory.sides_m_s
         change_m_s = max(abs(left_m / dt_s - left_m_s), abs(right_m / dt_s - right_m_s))
         if change_m_s > most_m_s2 * dt_s * (now.spikes + 1) and now.spikes < MOST_SPIKES:
             now.spikes += 1
@@ -287,7 +279,7 @@ class FusedOdometry:
         return left_m, right_m
 
     def _step_by_wheels(self, left_m: float, right_m: float, dt_s: float) -> MotionStep:
-        parameters, track_m, now = self._parameters, self._track_m, self._memory
+        parameters, track_m, now = self._parameters, self._track_m, self.memory
         if not now.has_rates:
             stands = abs(left_m) < STILL_M and abs(right_m) < STILL_M and now.stall.is_unpowered
             now.resting_s = now.resting_s + dt_s if stands else 0.0
@@ -297,7 +289,7 @@ class FusedOdometry:
         left_m2, right_m2 = self._per_m * abs(left_m), self._per_m * abs(right_m)
         turned_rad = (right_m - left_m) / track_m
         turned_rad2 = (left_m2 + right_m2) / track_m**2 + self._per_rad * abs(turned_rad)
-        if self._memory.has_rates:  # then what is considered are the gyroscope's errors
+        if self.memory.has_rates:  # then what is considered are the gyroscope's errors
             turned_rad2 += (parameters.track_sigma * turned_rad) ** 2
         return MotionStep(
             (left_m + right_m) / 2,
@@ -313,7 +305,7 @@ class FusedOdometry:
 
     def _step_by_gyro(self, left_m: float, right_m: float, by_gyro_rad: float, dt_s: float) -> MotionStep:
         """The step whose turn is the gyroscope's; at rest the gyroscope shows its bias, and the robot does not turn."""
-        now, parameters = self._memory, self._parameters
+        now, parameters = self.memory, self._parameters
         noise = parameters.gyro_noise_rad_per_root_s**2
         stands = left_m == 0 == right_m and now.stall.is_unpowered and now.rates.is_still
         rate_rad_s = by_gyro_rad / dt_s - now.estimate.bias_rad_s
@@ -344,7 +336,7 @@ class FusedOdometry:
 
     def _add_evidence(self, seen: BiasEvidence) -> None:
         """Learn the bias from the wheels, second by second, where they do not slip."""
-        now = self._memory
+        now = self.memory
         if self.anomaly is not MotionAnomaly.NONE:
             now.evidence = NO_EVIDENCE
             return

@@ -55,7 +55,10 @@ WORDS_PER_WATCHDOG = 4
 class ControlLoop(Protocol):
     """The control loop."""
 
-    acted_s: float
+    @property
+    def acted_s(self) -> float:
+        """When it last ran."""
+        ...
 
 
 class Reader(Protocol):

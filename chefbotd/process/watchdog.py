@@ -100,7 +100,10 @@ JUST_S = 0.001
 class WatchedLoop(Protocol):
     """The control loop, read from the thread."""
 
-    acted_s: float
+    @property
+    def acted_s(self) -> float:
+        """When it last ran."""
+        ...
 
     @property
     def is_driving(self) -> bool:

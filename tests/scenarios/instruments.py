@@ -74,7 +74,7 @@ class StepCount:
         driving = self._robot.daemon.driving
         return (
             self._robot.daemon.session.frames.get("EncoderCounts", 0)
-            - driving.steps
+            - driving.memory.steps
             - driving.reader.memory.refused
         )
 

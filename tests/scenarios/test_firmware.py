@@ -170,7 +170,7 @@ def test_a_line_of_which_a_byte_in_twenty_is_damaged_is_never_driven_without_che
                     kind, *fields = body.split(b" ")
                     if kind == b"s":
                         written.add((int(fields[0]), int(fields[1])))
-                    if kind == b"s" and sequence is None and session.firmware.now.is_known:
+                    if kind == b"s" and sequence is None and session.firmware.memory.is_known:
                         unsealed.append(line)
                     if kind == b"hello":
                         greeted_s.append(asyncio.get_running_loop().time())

@@ -63,12 +63,12 @@ def _add_metrics(metrics: Metrics, session: BoardSession) -> None:
     metrics.optional_gauge(
         "board_round_trip_s",
         "From a checked command to its echo, on average.",
-        lambda: session.firmware.now.round_trip_s,
+        lambda: session.firmware.memory.round_trip_s,
     )
     metrics.optional_gauge(
         "board_clock_late_s",
         "By how much later than they were taken the board's readings are stamped.",
-        lambda: session.firmware.now.clock_late_s,
+        lambda: session.firmware.memory.clock_late_s,
     )
     metrics.optional_gauge(
         "board_clock_skew_ppm", "The board's clock against the host's.", lambda: clock.relation.skew_ppm

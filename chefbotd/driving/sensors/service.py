@@ -16,7 +16,7 @@ from chefbotd.core.events import (
     RangeMeasured,
     UltrasonicEchoed,
 )
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, StatefulPart
 from chefbotd.driving.sensors.models import TOPICS
 from chefbotd.features.feature import Feature, Service
 from chefbotd.metrics import Metrics
@@ -27,15 +27,15 @@ from chefbotd.sensing.infrared import InfraredParameters, InfraredState
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
 
 
-class SensorState(Record, frozen=True):
+class SensorState(MutableState):
     """The last readings of the battery, and of the infrared sensors by channel."""
 
-    battery: BatteryState
-    measured: BatteryMeasured | None
     infrared: dict[int, InfraredState]
+    battery: BatteryState = battery.START
+    measured: BatteryMeasured | None = None
 
 
-class SensorService:
+class SensorService(StatefulPart[SensorState]):
     """Interprets the raw readings of the configured sensors; others are ignored."""
 
     def __init__(
@@ -47,8 +47,9 @@ class SensorService:
         battery_parameters: BatteryParameters | None,
         infrared_parameters: Sequence[InfraredParameters] = (),
     ) -> None:
-        self._bus, self._battery_state = bus, battery.START
-        self._infrared = {sensor.channel: (sensor, infrared.START) for sensor in infrared_parameters}
+        self._bus = bus
+        self._infrared = {sensor.channel: sensor for sensor in infrared_parameters}
+        self.memory = SensorState(self._unread_infrared())
         self._interpret: dict[type[Any], Callable[[Any], object | None]] = {}
         if battery_parameters is not None:
             self._interpret[BatteryCounted] = partial(self._charge, battery_parameters)
@@ -63,23 +64,20 @@ class SensorService:
         if imu_parameters is not None:
             self._interpret[OrientationReported] = partial(imu.from_quaternion, imu_parameters)
             self._interpret[InertialCounted] = partial(imu.from_counts, imu_parameters)
-        self.battery: BatteryMeasured | None = None
         self._failure = HandlerFailure()
         if self._interpret:
             bus.add_handler(self._on_reading, *self._interpret, on_error=self._failure.report)
 
-    def state(self) -> SensorState:
-        """Return the state of this part."""
-        seen = {channel: state for channel, (_, state) in self._infrared.items()}
-        return SensorState(self._battery_state, self.battery, seen)
-
     def restore(self, state: SensorState) -> None:
-        """Restore this state."""
-        self._battery_state, self.battery = state.battery, state.measured
-        self._infrared = {
-            channel: (sensor, state.infrared.get(channel, infrared.START))
-            for channel, (sensor, _) in self._infrared.items()
+        """Restore this state, as far as it is of sensors that are configured now."""
+        super().restore(state)
+        self.memory.infrared = self._unread_infrared() | {
+            channel: seen for channel, seen in state.infrared.items() if channel in self._infrared
         }
+
+    def _unread_infrared(self) -> dict[int, InfraredState]:
+        """The states of infrared sensors of which nothing was read yet."""
+        return dict.fromkeys(self._infrared, infrared.START)
 
     async def run(self) -> None:
         """Raise the error of a reading that could not be interpreted; readings are interpreted as they are published."""
@@ -92,22 +90,21 @@ class SensorService:
 
     def _infrared_range(self, event: AnalogueCounted) -> RangeMeasured | None:
         """The reading of an analogue input; None if no sensor is configured on it."""
-        if event.channel not in self._infrared:
+        sensor = self._infrared.get(event.channel)
+        if sensor is None:
             return None
-        sensor, state = self._infrared[event.channel]
-        state, measured = infrared.interpret(sensor, state, event)
-        self._infrared[event.channel] = (sensor, state)
+        seen = self.memory.infrared
+        seen[event.channel], measured = infrared.interpret(sensor, seen[event.channel], event)
         return measured
 
     def _forget(self, event: BoardRestarted | LinkClosed) -> None:
         """Forget the readings: something may have moved in front of the sensors meanwhile."""
-        self._infrared = {
-            channel: (sensor, infrared.START) for channel, (sensor, _) in self._infrared.items()
-        }
+        self.memory.infrared = self._unread_infrared()
 
     def _charge(self, parameters: BatteryParameters, event: BatteryCounted) -> BatteryMeasured:
-        self._battery_state, self.battery = battery.measure(parameters, self._battery_state, event)
-        return self.battery
+        self.memory.battery, measured = battery.measure(parameters, self.memory.battery, event)
+        self.memory.measured = measured
+        return measured
 
 
 def sensors(service: SensorService) -> Feature:
@@ -117,12 +114,12 @@ def sensors(service: SensorService) -> Feature:
         metrics.optional_gauge(
             "battery_v",
             "The battery's voltage.",
-            lambda: None if service.battery is None else service.battery.voltage_v,
+            lambda: None if service.memory.measured is None else service.memory.measured.voltage_v,
         )
         metrics.optional_gauge(
             "battery_percentage",
             "The remaining charge of the battery.",
-            lambda: None if service.battery is None else service.battery.percentage,
+            lambda: None if service.memory.measured is None else service.memory.measured.percentage,
         )
 
     return Feature(

@@ -95,7 +95,7 @@ def test_after_a_short_pause_the_next_command_moves_the_robot(seconds: float):
         assert 0 < rig.duty[0] < FULL_DUTY[0]
         await rig.drive_for(0.3)
         assert rig.duty == FULL_DUTY
-        assert rig.service.pauses == 1
+        assert rig.service.memory.pauses == 1
 
     with structlog.testing.capture_logs() as logged:
         on_rig(scenario)
@@ -113,7 +113,7 @@ def test_a_pause_that_is_shorter_than_the_patience_is_none():
         assert any(rig.duty)
         await rig.drive_for(0.3)
         assert rig.duty == FULL_DUTY
-        assert rig.service.pauses == 0
+        assert rig.service.memory.pauses == 0
 
     on_rig(scenario)
 
@@ -129,7 +129,7 @@ def test_a_pause_at_rest_is_no_fault(seconds: float):
             await rig.frames(0.1)
         await rig.drive_for(0.3)
         assert rig.duty == FULL_DUTY
-        assert rig.service.pauses == 0
+        assert rig.service.memory.pauses == 0
 
     on_rig(scenario)
 
@@ -180,7 +180,7 @@ def test_pauses_that_are_apart_are_no_fault():
             await pause(rig)
             await rig.frames(31.0)
         assert rig.service.keeper.armed
-        assert rig.service.pauses == 10
+        assert rig.service.memory.pauses == 10
 
     on_rig(scenario)
 

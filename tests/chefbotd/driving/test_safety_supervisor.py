@@ -280,7 +280,7 @@ def test_names_that_are_no_source_leave_nothing_behind() -> None:
     for number in range(1000):
         with pytest.raises(Refused, match="no source named"):
             kept.keeper.accept(Command(f"source{number}", TWIST, kept.clock.now_s()), ANN)
-    assert kept.keeper._held._tries == ()
+    assert kept.keeper._held.memory == ()
 
 
 def echo_story(kept: Kept, reconnect: bool) -> FaultKind | None:

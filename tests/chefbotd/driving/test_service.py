@@ -16,7 +16,7 @@ def test_every_encoder_frame_is_answered_with_a_duty():
         before = len(rig.written)
         await rig.frames(0.1)
         assert [duty for _, duty in rig.written[before:]] == [(0, 0)] * 10
-        assert rig.service.steps == 10
+        assert rig.service.memory.steps == 10
 
     on_rig(scenario)
 

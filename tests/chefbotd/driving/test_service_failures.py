@@ -21,12 +21,12 @@ def test_a_control_step_that_fails_disarms_and_the_loop_lives_on():
             rig.bus.publish(EncodersCounted(*[rig.clock.now_s()] * 3, (1, 2, 3)))
         await asyncio.sleep(0)
         assert rig.duty == (0, 0)
-        assert rig.service.internal_errors == 3
+        assert rig.service.memory.internal_errors == 3
         with pytest.raises(Refused, match="zip"):
             rig.service.command("teleop", AHEAD)
-        steps = rig.service.steps
+        steps = rig.service.memory.steps
         await rig.frames(0.1)
-        assert rig.service.steps == steps + 10
+        assert rig.service.memory.steps == steps + 10
         rig.arm()
         await rig.drive_for(0.3)
         assert rig.duty == FULL_DUTY

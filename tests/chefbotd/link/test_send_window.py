@@ -285,10 +285,10 @@ def test_a_wheel_that_is_told_to_stand_makes_no_stop():
 def test_before_the_first_command_a_stop_was_said():
     """On a new port and after a restart: nobody may count on a motion that was said before."""
     into = window()
-    assert into.newest == STILL
+    assert into.memory.newest == STILL
     into.note((50, -40), 0.0)
     into.restarted()
-    assert into.newest == STILL
+    assert into.memory.newest == STILL
 
 
 def test_a_stop_is_said_again_at_once_while_a_quarter_of_the_buffer_is_not_in_use():

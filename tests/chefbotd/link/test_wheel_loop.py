@@ -45,7 +45,7 @@ def test_a_ready_loop_is_told_each_parameter_that_has_changed_and_no_other() -> 
     assert loop.next_parameter(1.0 + ASK_AGAIN_S) == (4, 41)
     assert not loop.confirm(4, 41)
     assert loop.next_parameter(9.0) is None
-    assert loop.now.is_ready
+    assert loop.memory.is_ready
 
 
 def test_a_parameter_that_the_board_has_otherwise_is_told_again() -> None:

@@ -280,7 +280,7 @@ def test_a_part_that_forgets_something_is_noticed(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(DriveService, "restore", forgetful)
     _, different = forgotten(script, load())
     forgotten_ones = {
-        "DriveService.acted_s",
+        "DriveServiceState.acted_s",
         "WatchTimer._timer",
         "WatchTimerState.due_s",
         "ControlLeases.told",
