@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -47,116 +48,14 @@ def _decode(*, quick: bool) -> Outcome:
     return Outcome((ratio, Figure("decoding a line", figures["decode_ns_per_line"] / 1e3, "us")))
 
 
-def _slam(**options: Any) -> Outcome:
-    """Imported when it is asked for: it needs the extra ``navigation``."""
-    from benchmarks import slam
+def _imported(module: str, function: str = "run") -> Callable[..., Outcome]:
+    """A benchmark that needs an extra, or compilers: imported when it is asked for."""
 
-    return slam.run(**options)
+    def run(**options: Any) -> Outcome:
+        found: Outcome = getattr(import_module(f"benchmarks.{module}"), function)(**options)
+        return found
 
-
-def _worker(**options: Any) -> Outcome:
-    """Imported when it is asked for: it needs the extra ``navigation``."""
-    from benchmarks import worker
-
-    return worker.run(**options)
-
-
-def _recording(**options: Any) -> Outcome:
-    """Imported when it is asked for: it needs the extra ``recording``."""
-    from benchmarks import recording
-
-    return recording.run(**options)
-
-
-def _camera(**options: Any) -> Outcome:
-    """Imported when it is asked for: it needs the extras ``page`` and ``camera``."""
-    from benchmarks import camera
-
-    return camera.run(**options)
-
-
-def _page(**options: Any) -> Outcome:
-    """Imported when it is asked for: it needs the extra ``page``."""
-    from benchmarks import page
-
-    return page.run(**options)
-
-
-def _planner(**options: Any) -> Outcome:
-    """Imported when it is asked for: it needs the extra ``navigation``."""
-    from benchmarks import planner
-
-    return planner.run(**options)
-
-
-def _navigation(**options: Any) -> Outcome:
-    """Imported when it is asked for: it needs the extra ``navigation``."""
-    from benchmarks import navigation
-
-    return navigation.run(**options)
-
-
-def _situations(**options: Any) -> Outcome:
-    """Imported when it is asked for: it needs the extra ``navigation``."""
-    from benchmarks import situations
-
-    return situations.run(**options)
-
-
-def _passings(**options: Any) -> Outcome:
-    """Imported when it is asked for: it needs the extra ``navigation``."""
-    from benchmarks import passings
-
-    return passings.run(**options)
-
-
-def _serving(**options: Any) -> Outcome:
-    """Imported when it is asked for: it needs the extra ``navigation``."""
-    from benchmarks import serving
-
-    return serving.run(**options)
-
-
-def _localization(**options: Any) -> Outcome:
-    """Imported when it is asked for: it needs the extra ``navigation``."""
-    from benchmarks import localization
-
-    return localization.run(**options)
-
-
-def _calibration(**options: Any) -> Outcome:
-    """Imported when it is asked for: it needs the extra ``navigation``."""
-    from benchmarks import calibration
-
-    return calibration.run(**options)
-
-
-def _motors(**options: Any) -> Outcome:
-    """Imported when it is asked for: it fits with numpy, which no other basic benchmark needs."""
-    from benchmarks import motors
-
-    return motors.run(**options)
-
-
-def _wheel_speed(**options: Any) -> Outcome:
-    """Imported when it is asked for."""
-    from benchmarks import motors
-
-    return motors.run_wheel_speed(**options)
-
-
-def _virtual_hours(**options: Any) -> Outcome:
-    """Imported when it is asked for: it needs the extra ``navigation``."""
-    from benchmarks import virtual_hours
-
-    return virtual_hours.run(**options)
-
-
-def _firmware(**options: Any) -> Outcome:
-    """Imported when it is asked for: it needs compilers."""
-    from benchmarks import firmware
-
-    return firmware.run(**options)
+    return run
 
 
 TAKES = {
@@ -183,24 +82,24 @@ BENCHMARKS: dict[str, Benchmark] = {
     "estimation": estimation.run,
     "physics": physics.run,
     "ratios": ratios.run,
-    "slam": _slam,
-    "worker": _worker,
-    "localization": _localization,
-    "planner": _planner,
-    "navigation": _navigation,
-    "situations": _situations,
-    "passings": _passings,
-    "serving": _serving,
-    "virtual_hours": _virtual_hours,
+    "slam": _imported("slam"),
+    "worker": _imported("worker"),
+    "localization": _imported("localization"),
+    "planner": _imported("planner"),
+    "navigation": _imported("navigation"),
+    "situations": _imported("situations"),
+    "passings": _imported("passings"),
+    "serving": _imported("serving"),
+    "virtual_hours": _imported("virtual_hours"),
     "calls": calls.run,
     "agents": agents.run,
-    "calibration": _calibration,
-    "motors": _motors,
-    "wheel_speed": _wheel_speed,
-    "page": _page,
-    "camera": _camera,
-    "recording": _recording,
-    "firmware": _firmware,
+    "calibration": _imported("calibration"),
+    "motors": _imported("motors"),
+    "wheel_speed": _imported("motors", "run_wheel_speed"),
+    "page": _imported("page"),
+    "camera": _imported("camera"),
+    "recording": _imported("recording"),
+    "firmware": _imported("firmware"),
 }
 
 

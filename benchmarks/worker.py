@@ -77,7 +77,7 @@ def _answered(changes: dict[str, object], frames: int) -> list[float]:
             until(lambda: _state(caller, "worker") == "ready", "the worker is not ready", READY_S)
             caller.call("discard_mapping")
             caller.call("start_mapping")
-            until(lambda: _kept_scans(caller) > 0, "no map is made")
+            until(lambda: _keyframes(caller) > 0, "no map is made")
         answers = frame_to_answer(instrument, caller, frames * FRAMES_CYCLE_S)
         if "lidar" in changes:
             caller.call("discard_mapping")
@@ -88,8 +88,8 @@ def _state(caller: Caller, topic: str) -> str:
     return str(caller.call("get_state")["topics"][topic]["data"]["state"])
 
 
-def _kept_scans(caller: Caller) -> int:
-    return int(caller.call("get_state")["topics"]["mapping"]["data"]["kept_scans"])
+def _keyframes(caller: Caller) -> int:
+    return int(caller.call("get_state")["topics"]["mapping"]["data"]["keyframes"])
 
 
 @contextmanager
