@@ -55,13 +55,17 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 @dataclass(frozen=True)
 class Module:
-    """A module's file, its dotted name, whether it is a package's ``__init__``, its text and its syntax tree."""
+    """A module's file, its dotted name, whether it is a package's ``__init__``, and its text."""
 
     path: Path
     name: str
     is_package: bool
     text: str
-    tree: ast.Module
+
+    @cached_property
+    def tree(self) -> ast.Module:
+        """Its syntax, parsed when it is first asked for."""
+        return ast.parse(self.text)
 
     @property
     def lines(self) -> int:
@@ -111,7 +115,10 @@ class House:
     def __init__(self, root: Path, packages: Sequence[str] = PACKAGES) -> None:
         paths = (path for package in packages for path in sorted((root / package).rglob("*.py")))
         self.modules = {module.name: module for module in (read_module(root, path) for path in paths)}
-        self._classes = {
+
+    @cached_property
+    def _classes(self) -> dict[tuple[str, str], ast.ClassDef]:
+        return {
             (module.name, node.name): node for module in self.modules.values() for node in module.classes()
         }
 
@@ -209,7 +216,7 @@ def read_module(root: Path, path: Path) -> Module:
     parts = path.relative_to(root).with_suffix("").parts
     is_package = parts[-1] == "__init__"
     text = path.read_text(encoding="utf-8")
-    return Module(path, ".".join(parts[:-1] if is_package else parts), is_package, text, ast.parse(text))
+    return Module(path, ".".join(parts[:-1] if is_package else parts), is_package, text)
 
 
 def _last_name(node: ast.expr) -> str:

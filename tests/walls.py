@@ -41,6 +41,8 @@ class Walls:
         for module in self._house.modules.values():
             if module.name.startswith((COMPONENTS, ABOVE)) or module.name in WRITTEN:
                 continue
+            if "components" not in module.text:  # what does not name them imports none
+                continue
             for origin, _ in module.imports:
                 if origin.startswith(f"{COMPONENTS}.") and (name := origin.split(".")[2]) in knows:
                     knows[name].add(module.name)
