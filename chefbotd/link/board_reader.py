@@ -6,6 +6,7 @@ from itertools import accumulate
 from typing import Any, TypeAlias
 
 import structlog
+from msgspec import field
 
 from chefbotd.core.events import (
     AnalogueCounted,
@@ -20,7 +21,7 @@ from chefbotd.core.events import (
     TextReceived,
     UltrasonicEchoed,
 )
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, Record, StatefulPart
 from chefbotd.link.board_clock import BoardClock, CycleClock, StampVerdict
 from chefbotd.link.firmware import BoardFirmware
 from chefbotd.link.health import show
@@ -119,18 +120,18 @@ class BurstBuffer:
 log = structlog.get_logger(component="link")
 
 
-class BoardReaderState(Record, frozen=True):
+class BoardReaderState(MutableState):
     """Its half line and half cycle, and the clocks that it follows."""
 
     decoder: DecoderState
     mode: ModeState
     board_clock: BoardClock
-    cycle_clock: CycleClock
-    cycle_has_time: bool
-    edges: tuple[EdgesOrStill, ...]
+    cycle_clock: CycleClock = field(default_factory=CycleClock)
+    cycle_has_time: bool = False
+    edges: tuple[EdgesOrStill, ...] = ()
 
 
-class BoardReader:
+class BoardReader(StatefulPart[BoardReaderState]):
     """Follows the board's clock, and tells ``window``, ``restarts`` and ``firmware`` what they have to know.
 
     ``events`` has a function for each class of message: its event at a time of the host, or None.
@@ -142,11 +143,14 @@ class BoardReader:
         self._window, self._restarts, self._wheels = window, restarts, variant.wheels
         self._firmware = firmware
         self.decoder = Decoder(firmware.codec)
-        self.board_clock, self._cycle_clock = BoardClock(), CycleClock()
-        self._cycle_has_time = False
+        self.board_clock = BoardClock()
         self.on_loop_ready: Callable[[], None] = lambda: None
         self.on_refused: Callable[[wire.Malformed], None] = lambda line: None
         self._edges = BurstBuffer(self.board_clock) if variant.speaks(wire.QuadratureEdges) else None
+        self.memory = BoardReaderState(self.decoder.state(), firmware.codec.state(), self.board_clock)
+        self.parts = {"decoder": self.decoder, "mode": firmware.codec, "board_clock": self.board_clock}
+        if self._edges is not None:
+            self.parts["edges"] = self._edges
         self._log = RateLimitedLog(log)
         self.events: dict[type[Any], Reading] = {
             **readings(self.board_clock),
@@ -168,30 +172,14 @@ class BoardReader:
             wire.ParameterSet: self._on_parameter,
         }
 
-    def state(self) -> BoardReaderState:
-        """Return the state of this part."""
-        edges = () if self._edges is None else self._edges.state()
-        clocks = self.board_clock, self._cycle_clock
-        mode = self._firmware.codec.state()
-        return BoardReaderState(self.decoder.state(), mode, *clocks, self._cycle_has_time, edges)
-
-    def restore(self, state: BoardReaderState) -> None:
-        """Restore this state."""
-        self.decoder.restore(state.decoder)
-        self._firmware.codec.restore(state.mode)
-        self.board_clock.restore(state.board_clock)
-        self._cycle_clock, self._cycle_has_time = state.cycle_clock, state.cycle_has_time
-        if self._edges is not None:
-            self._edges.restore(state.edges)
-
     def begin(self) -> None:
         """A port was opened: forget half a line and half a cycle."""
         self.decoder.reset()
-        self._cycle_has_time = False
+        self.memory.cycle_has_time = False
 
     def _on_time(self, message: wire.BoardTime, now_s: float) -> EdgesSeen | None:
         verdict = self.board_clock.observe(message.micros, message.cycle_s, now_s)
-        self._cycle_has_time = verdict is not StampVerdict.SUSPECT
+        self.memory.cycle_has_time = verdict is not StampVerdict.SUSPECT
         if verdict is StampVerdict.RESTARTED:
             self._restarted(now_s, f"its clock went back to {message.micros} us")
         if self._edges is None or self.board_clock.in_doubt:
@@ -244,9 +232,9 @@ class BoardReader:
         """By the host and by the board: the cycle's own time; the read's where that was lost; else by even cycles."""
         clock_s = self.board_clock.latest_s
         if clock_s is None:
-            printed_s = self._cycle_clock.observe(now_s)
+            printed_s = self.memory.cycle_clock.observe(now_s)
             return min(printed_s, now_s), printed_s
-        has_time, self._cycle_has_time = self._cycle_has_time, False
+        has_time, self.memory.cycle_has_time = self.memory.cycle_has_time, False
         if has_time:
             return self.board_clock.stamp_s, clock_s
         return now_s - self.board_clock.late_s, self.board_clock.board_s(now_s)

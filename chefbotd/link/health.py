@@ -8,7 +8,7 @@ from enum import StrEnum
 
 from msgspec import field
 
-from chefbotd.core.record import MutableState, Record
+from chefbotd.core.record import MutableState, Record, StatefulPart
 from chefbotd.link.firmware_state import LineQuality
 from chefbotd.link.line_format import FormatWatch, TimeUnitWatch, has_other_separator, kinds_of
 from firmware_protocol.codec import Variant
@@ -133,13 +133,13 @@ def show(line: bytes) -> str:
 SAMPLE_BYTES = 128
 
 
-class LinkMonitorState(Record, frozen=True):
+class LinkMonitorState(MutableState):
     """What has come in since the start, and what was judged of it; ``opened`` is what there was when the port was."""
 
-    bytes_in: int
-    sample: bytes
     opened: Heard
     watch: HealthWatch
+    bytes_in: int = 0
+    sample: bytes = b""
     opened_s: float = 0.0
     damaged_before: int = 0
     formats: FormatWatch = field(default_factory=FormatWatch)
@@ -147,60 +147,38 @@ class LinkMonitorState(Record, frozen=True):
     sharers: str = ""
 
 
-class LinkMonitor:
+class LinkMonitor(StatefulPart[LinkMonitorState]):
     """Listens beside the decoder, which has seen the same bytes."""
 
     def __init__(self, decoder: Decoder, variant: Variant, *, health_after_s: float) -> None:
         self._decoder, self._judged_after_s = decoder, health_after_s
         self._kinds = kinds_of(variant)
         self._kind_names = frozenset(self._kinds)
-        self._formats, self._time_unit = FormatWatch(), TimeUnitWatch()
-        self._sample = b""
-        self.bytes_in, self.sharers = 0, ""
-        self.begin(0.0)
+        self.memory = LinkMonitorState(Heard(), HealthWatch(0.0, Heard()))
 
     def begin(self, now_s: float) -> None:
         """A port was opened: nothing is known of it yet."""
-        self._opened_s, self._damaged_before = now_s, self._decoder.malformed.total()
-        self._before = self._heard()
-        self._watch = HealthWatch(now_s, self._before)
-        self._formats = FormatWatch()
-        self._time_unit.begin()
-
-    def state(self) -> LinkMonitorState:
-        """Return the state of this part."""
-        return LinkMonitorState(
-            self.bytes_in,
-            self._sample,
-            self._before,
-            self._watch,
-            self._opened_s,
-            self._damaged_before,
-            self._formats,
-            self._time_unit,
-            self.sharers,
-        )
-
-    def restore(self, state: LinkMonitorState) -> None:
-        """Restore this state."""
-        self.bytes_in, self._sample, self._before = state.bytes_in, state.sample, state.opened
-        self._opened_s, self._damaged_before = state.opened_s, state.damaged_before
-        self._watch, self._formats, self._time_unit = state.watch, state.formats, state.time_unit
-        self.sharers = state.sharers
+        memory = self.memory
+        memory.opened_s, memory.damaged_before = now_s, self._decoder.malformed.total()
+        memory.opened = self._heard()
+        memory.watch, memory.formats = HealthWatch(now_s, memory.opened), FormatWatch()
+        memory.time_unit.begin()
 
     def count_bytes(self, data: bytes) -> None:
         """Bytes that have come in."""
-        self.bytes_in += len(data)
-        self._sample = (self._sample + data)[-SAMPLE_BYTES:]
+        self.memory.bytes_in += len(data)
+        self.memory.sample = (self.memory.sample + data)[-SAMPLE_BYTES:]
 
     def quality(self, now_s: float) -> LineQuality:
         """How whole the lines have come since the port was opened."""
-        refused = self._decoder.malformed.total() - self._damaged_before
-        return LineQuality(now_s - self._opened_s, self._heard().since(self._before).lines, refused)
+        refused = self._decoder.malformed.total() - self.memory.damaged_before
+        return LineQuality(
+            now_s - self.memory.opened_s, self._heard().since(self.memory.opened).lines, refused
+        )
 
     def note_refused(self, line: Malformed) -> None:
         """A line was refused."""
-        self._formats.note_refused(line, show(line.line), self._kind_names, self._accepted_of)
+        self.memory.formats.note_refused(line, show(line.line), self._kind_names, self._accepted_of)
 
     def _accepted_of(self, kind: str) -> int:
         accepted = self._decoder.accepted
@@ -208,30 +186,30 @@ class LinkMonitor:
 
     def shared_complaint(self) -> LinkHealth | None:
         """Who else has the port open, as a complaint."""
-        return LinkHealth(Condition.SHARED_PORT, self.sharers) if self.sharers else None
+        return LinkHealth(Condition.SHARED_PORT, self.memory.sharers) if self.memory.sharers else None
 
     def format_complaint(self, clock: tuple[int, float] | None) -> LinkHealth | None:
         """What is wrong with how the board writes; ``clock`` is its newest reading (us) and when it was read."""
         if clock is not None:
-            self._time_unit.observe(*clock)
-        if unit := self._time_unit.complaint:
+            self.memory.time_unit.observe(*clock)
+        if unit := self.memory.time_unit.complaint:
             return LinkHealth(Condition.WRONG_TIME_UNIT, unit)
-        if refused := self._formats.refused_kind(self._accepted_of):
+        if refused := self.memory.formats.refused_kind(self._accepted_of):
             return LinkHealth(Condition.LINES_REFUSED, refused)
         return None
 
     @property
     def proven(self) -> bool:
         """Whether a frame has come in since the port was opened."""
-        return self._heard().since(self._before).frames > 0
+        return self._heard().since(self.memory.opened).frames > 0
 
     def judge(self, now_s: float, complaint: LinkHealth | None = None) -> LinkHealth | None:
         """What the port sounds like, if that has changed; ``complaint``: what else is wrong with a board."""
-        return self._watch.look(
-            now_s, self._heard(), self._sample, complaint, health_after_s=self._judged_after_s
+        return self.memory.watch.look(
+            now_s, self._heard(), self.memory.sample, complaint, health_after_s=self._judged_after_s
         )
 
     def _heard(self) -> Heard:
         frames, refused = self._decoder.accepted, self._decoder.malformed.total()
         lines = sum(frames.values())
-        return Heard(self.bytes_in, lines + refused, lines - frames.get(Text.__name__, 0))
+        return Heard(self.memory.bytes_in, lines + refused, lines - frames.get(Text.__name__, 0))

@@ -5,12 +5,13 @@ from collections.abc import Callable
 from enum import StrEnum
 
 import structlog
+from msgspec import field
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import BoardResetProgressed, BoardRestarted
-from chefbotd.core.record import MutableState, Record
-from chefbotd.inputs import Timer, due_of, inputs_of
+from chefbotd.core.record import MutableState, StatefulPart
+from chefbotd.inputs import ResumableTimer, inputs_of
 from chefbotd.link.board_writer import BoardWriter
 from chefbotd.link.restart_watch import RestartWatch
 
@@ -126,42 +127,32 @@ ENDS_WELL = (ResetStage.STOPPING, ResetStage.ASKED, ResetStage.RESTARTED)
 TIMER = "board restart"
 
 
-class RestartsState(Record, frozen=True):
+class RestartsState(MutableState):
     """What is known of the board's restarts; ``due_s`` is when the request is looked at again."""
 
-    watch: RestartWatch
-    reset: ResetRequest
-    due_s: float | None
-    count: int
+    watch: RestartWatch = field(default_factory=RestartWatch)
+    reset: ResetRequest = field(default_factory=ResetRequest)
+    due_s: float | None = None
+    count: int = 0
 
 
-class Restarts:
+class Restarts(StatefulPart[RestartsState]):
     """Publishes ``BoardRestarted`` and ``BoardResetProgressed``; ``request`` makes the line that asks for a restart."""
 
     def __init__(self, bus: Bus, clock: Clock, speech: BoardWriter, request: Callable[[], bytes]) -> None:
         self._bus, self._clock, self._writer, self._request_line = bus, inputs_of(clock), speech, request
-        self._watch, self._reset = RestartWatch(), ResetRequest()
-        self._timer: Timer | None = None
-        self.count = 0
-
-    def state(self) -> RestartsState:
-        """Return the state of this part."""
-        return RestartsState(self._watch, self._reset, due_of(self._timer), self.count)
-
-    def restore(self, state: RestartsState) -> None:
-        """Restore this state."""
-        self._watch, self._reset, self.count = state.watch, state.reset, state.count
-        self._timer = self._clock.resume(state.due_s, self._look_at_reset, TIMER)
+        self._timer = ResumableTimer(self._clock, self._look_at_reset, TIMER)
+        self.memory, self.parts = RestartsState(), {"due_s": self._timer}
 
     @property
     def holds_motion(self) -> bool:
         """Whether a restart is under way, so that nothing but a stop may be sent."""
-        return self._reset.stage is not None
+        return self.memory.reset.stage is not None
 
     def begin(self) -> None:
         """Begin a restart, after its stop was sent; a restart that is under way goes on."""
-        if self._reset.stage is None:
-            self._reset.begin(self._clock.now_s())
+        if self.memory.reset.stage is None:
+            self.memory.reset.begin(self._clock.now_s())
             self._report_stage(ResetStage.STOPPING)
             self._look_at_reset()
 
@@ -171,26 +162,26 @@ class Restarts:
 
     def echoed(self, duty: tuple[float, ...], now_s: float) -> None:
         """The board said which command is in force."""
-        if self._reset.stage is ResetStage.STOPPING:
-            self._reset.echoed(duty, now_s)
+        if self.memory.reset.stage is ResetStage.STOPPING:
+            self.memory.reset.echoed(duty, now_s)
             self._look_at_reset()
 
     def turned(self, counts: tuple[int, ...], now_s: float) -> None:
         """The board said how far its wheels have turned."""
-        if self._reset.stage is ResetStage.STOPPING:
-            self._reset.counted(counts, now_s)
+        if self.memory.reset.stage is ResetStage.STOPPING:
+            self.memory.reset.counted(counts, now_s)
             self._look_at_reset()
 
     def reset_done(self, now_s: float) -> None:
         """The board said that it is about to restart."""
-        self._watch.reset_done(now_s)
+        self.memory.watch.reset_done(now_s)
 
     def counted(self, now_s: float, counts: tuple[int, ...], *, has_clock: bool) -> str | None:
         """An encoder line came: how it shows that the board has restarted (``noticed`` is to follow); None if not."""
-        cause = self._watch.observe(now_s, counts, has_clock=has_clock)
-        if cause is None and self._watch.has_gone_on:
-            self._watch.has_gone_on = False
-            if self._reset.stage is ResetStage.ASKED:
+        cause = self.memory.watch.observe(now_s, counts, has_clock=has_clock)
+        if cause is None and self.memory.watch.has_gone_on:
+            self.memory.watch.has_gone_on = False
+            if self.memory.reset.stage is ResetStage.ASKED:
                 self._end_reset(ResetStage.NOT_RESTARTED)
             else:
                 log.warning("the board sent 'Reset Done' without being asked, and continued")
@@ -198,37 +189,32 @@ class Restarts:
 
     def noticed(self, now_s: float, cause: str) -> None:
         """The board has restarted."""
-        self.count += 1
-        self._watch.restarted()
+        self.memory.count += 1
+        self.memory.watch.restarted()
         self._bus.publish(BoardRestarted(now_s, cause))
         self._end_reset(ResetStage.RESTARTED)
 
     def _look_at_reset(self) -> None:
         """Ask as soon as the robot stands and the port accepts it; give up if the board is not back in time."""
-        self._cancel_timer()
+        self._timer.cancel()
         now_s = self._clock.now_s()
-        if self._reset.is_overdue(now_s):
+        if self.memory.reset.is_overdue(now_s):
             self._end_reset(ResetStage.NO_ANSWER)
             return
-        if self._reset.may_ask(now_s) and self._writer.has_drained():
+        if self.memory.reset.may_ask(now_s) and self._writer.has_drained():
             self._writer.write(self._request_line(), now_s)
-            self._reset.asked(now_s)
+            self.memory.reset.asked(now_s)
             self._report_stage(ResetStage.ASKED)
-        wait_s = max(self._reset.look_again_s - now_s, LOOK_AGAIN_S)
-        self._timer = self._clock.call_later(wait_s, self._look_at_reset, TIMER)
+        wait_s = max(self.memory.reset.look_again_s - now_s, LOOK_AGAIN_S)
+        self._timer.start(wait_s)
 
     def _end_reset(self, stage: ResetStage) -> None:
-        self._cancel_timer()
-        if self._reset.stage is not None:
-            self._reset.end()
+        self._timer.cancel()
+        if self.memory.reset.stage is not None:
+            self.memory.reset.end()
             self._report_stage(stage)
 
     def _report_stage(self, stage: ResetStage) -> None:
         self._bus.publish(BoardResetProgressed(self._clock.now_s(), str(stage), REASONS[stage]))
         logged = log.info if stage in ENDS_WELL else log.warning
         logged("restart of the board", stage=str(stage), reason=REASONS[stage])
-
-    def _cancel_timer(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None

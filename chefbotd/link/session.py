@@ -20,7 +20,7 @@ from chefbotd.core.events import (
     LinkOpened,
 )
 from chefbotd.core.events.inputs import SetpointWithdrawn
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, StatefulPart
 from chefbotd.inputs import inputs_of
 from chefbotd.link.board_memory import BoardMemory, NoBoardMemory
 from chefbotd.link.board_reader import BoardReader, BoardReaderState
@@ -48,10 +48,9 @@ MOTORS_FIRST = frozenset({EncodersCounted, EdgesSeen})
 """What is answered by a motor command; what else is in the same read is handled after that."""
 
 
-class BoardSessionState(Record, frozen=True):
+class BoardSessionState(MutableState):
     """What the session remembers of its board, but for the port itself."""
 
-    opens: int
     reader: BoardReaderState
     writer: WriterState
     restarts: RestartsState
@@ -60,9 +59,10 @@ class BoardSessionState(Record, frozen=True):
     monitor: LinkMonitorState
     firmware: FirmwareState
     loop: WheelLoopState
+    opens: int = 0
 
 
-class BoardSession(asyncio.Protocol):
+class BoardSession(asyncio.Protocol, StatefulPart[BoardSessionState]):
     """An asyncio protocol that lives across reconnections and keeps its counters.
 
     Events go to the bus as they are read. The board's clock is followed across reconnections too: a board that went
@@ -130,33 +130,26 @@ class BoardSession(asyncio.Protocol):
         self._counting = counting
         self._kind_held = None if counting is None else not counting.by_firmware
         self.is_open = False  # whether a port is connected
-        self.opens = 0
-
-    def state(self) -> BoardSessionState:
-        """What it remembers; the lines that are kept for the log are not needed to go on."""
-        return BoardSessionState(
-            self.opens,
-            self._reader.state(),
-            self.writer.state(),
-            self.restarts.state(),
-            self._window.state(),
-            self.setpoints.state(),
-            self.monitor.state(),
-            self.firmware.state(),
-            self.firmware.loop.memory.state(),
+        self.memory = BoardSessionState(
+            self._reader.memory,
+            self.writer.memory,
+            self.restarts.memory,
+            self._window.memory,
+            self.setpoints.memory,
+            self.monitor.memory,
+            self.firmware.memory,
+            self.firmware.loop.memory,
         )
-
-    def restore(self, state: BoardSessionState) -> None:
-        """Go on from there; the port is open already, where it was."""
-        self.opens = state.opens
-        self._reader.restore(state.reader)
-        self.writer.restore(state.writer)
-        self.restarts.restore(state.restarts)
-        self._window.restore(state.window)
-        self.setpoints.restore(state.setpoints)
-        self.monitor.restore(state.monitor)
-        self.firmware.restore(state.firmware)
-        self.firmware.loop.memory.restore(state.loop)
+        self.parts = {
+            "reader": self._reader,
+            "writer": self.writer,
+            "restarts": self.restarts,
+            "window": self._window,
+            "setpoints": self.setpoints,
+            "monitor": self.monitor,
+            "firmware": self.firmware,
+            "loop": self.firmware.loop,
+        }
 
     # What asyncio tells us
 
@@ -166,7 +159,7 @@ class BoardSession(asyncio.Protocol):
         self.is_open = True
         self._reader.begin()
         self.firmware.begin()
-        self.opens += 1
+        self.memory.opens += 1
         now_s = self._clock.now_s()
         self.monitor.begin(now_s)
         self.writer.stop_first(now_s)
@@ -259,7 +252,7 @@ class BoardSession(asyncio.Protocol):
 
     def report_sharers(self, sharers: str) -> None:
         """Other programs have the port open: ``judge_health`` says so from now on."""
-        self.monitor.sharers = sharers
+        self.monitor.memory.sharers = sharers
 
     def expect_connection(self) -> None:
         """A port is about to be opened: ``wait_closed`` is to wait for its end."""
@@ -398,7 +391,7 @@ class BoardSession(asyncio.Protocol):
     @property
     def bytes_in(self) -> int:
         """Bytes read so far."""
-        return self.monitor.bytes_in
+        return self.monitor.memory.bytes_in
 
     def unread_bytes(self) -> int:
         """How many bytes have come in and wait to be read; none without a port."""

@@ -145,7 +145,7 @@ def test_one_flipped_byte_in_a_hundred_moves_nothing_wrongly(seed: int):
                 await robot.client.drive(0.2, 0.1 * (step // 500 % 5 - 2))
         assert len(on_motors) > 100
         assert on_motors <= written
-        assert robot.daemon.session.restarts.count == 0
+        assert robot.daemon.session.restarts.memory.count == 0
         told = await firmware(robot)
         assert told["crc_errors"] > 30
 

@@ -33,7 +33,7 @@ from chefbotd.components.worker.watch import (
 )
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.inputs import WorkerGone, WorkerSaid
-from chefbotd.core.record import Record, replace
+from chefbotd.core.record import MutableState, Record, StatefulPart, replace
 from chefbotd.core.sentence import Sentence
 from chefbotd.inputs import inputs_of
 
@@ -66,7 +66,14 @@ class WorkerStatus(Record, frozen=True):
     reason: str = ""
 
 
-class Worker:
+class WorkerMemory(MutableState, array_like=True):
+    """How the worker stands, and the number of the last request to it; the process itself is none of it."""
+
+    status: WorkerStatus = WorkerStatus()
+    last_number: int = 0
+
+
+class Worker(StatefulPart[WorkerMemory]):
     """One worker process; ``skills`` are the parameters of those it loads, by name, as JSON.
 
     ``on_status`` is called with each new status.
@@ -82,23 +89,15 @@ class Worker:
     ) -> None:
         self._parameters, self._clock, self._skills = parameters, inputs_of(clock), dict(skills)
         self._on_status, self._start = on_status, start
-        self.status = WorkerStatus()
         self._vitals = Vitals(0.0, 0.0, 0.0)
         self._channel: Channel | None = None
         self._ended: asyncio.Future[str] | None = None
         self._requests = Requests(self._clock)
+        self.memory, self.parts = WorkerMemory(), {"last_number": self._requests}
         self._listeners: dict[tuple[str, str], Callable[[bytes], None]] = {}
         self._on_ready: list[Callable[[], None]] = []
         self._references: dict[str, str] = {}
         self._dropped = self._failures = 0
-
-    def state(self) -> tuple[WorkerStatus, int]:
-        """How it stands, and the number of the last request to it; the process itself is none of it."""
-        return self.status, self._requests.last_number
-
-    def restore(self, state: tuple[WorkerStatus, int]) -> None:
-        """Go on from there; ``follow`` is to come."""
-        self.status, self._requests.last_number = state
 
     @property
     def dropped_measurements(self) -> int:
@@ -108,7 +107,7 @@ class Worker:
     @property
     def is_ready(self) -> bool:
         """Whether it takes requests."""
-        return self.status.state is WorkerState.READY
+        return self.memory.status.state is WorkerState.READY
 
     def add_own_skill(self, name: str, parameters: bytes) -> None:
         """Load this skill of ours too, which a component of ours names."""
@@ -167,7 +166,7 @@ class Worker:
             Refused: it was not done, and why; ``WorkerLost`` where nobody can say whether it was.
         """
         if self._channel is None or not self.is_ready:
-            raise WorkerLost(_why_not_ready(self.status))
+            raise WorkerLost(_why_not_ready(self.memory.status))
         number, future = self._requests.open(deadline_s, on_progress, is_replayed=is_replayed)
         self._channel.send(messages.SkillRequest(number, skill, deadline_s, pack_body(body)))
         try:
@@ -191,15 +190,15 @@ class Worker:
             while True:
                 begun_s = self._clock.now_s()
                 reason = await self._run_once()
-                if self.status.state is WorkerState.UNAVAILABLE:  # starting it again would not help
-                    self._report_status(replace(self.status, pid=None, rss_mb=None, cpu=None))
+                if self.memory.status.state is WorkerState.UNAVAILABLE:  # starting it again would not help
+                    self._report_status(replace(self.memory.status, pid=None, rss_mb=None, cpu=None))
                     break
                 self._failures = 1 if self._clock.now_s() - begun_s > HEALTHY_S else self._failures + 1
                 wait_s = backoff_s(self._parameters, self._failures)
                 log.warning("the worker has ended", reason=reason, again_in_s=wait_s)
                 self._set(WorkerTransition.ENDED, pid=None, rss_mb=None, cpu=None, reason=reason)
                 await asyncio.sleep(wait_s)
-                self.status = replace(self.status, restarts=self.status.restarts + 1)
+                self.memory.status = replace(self.memory.status, restarts=self.memory.status.restarts + 1)
             await asyncio.Event().wait()
         finally:
             self._set(WorkerTransition.STOPPED, pid=None, rss_mb=None, cpu=None)
@@ -255,7 +254,7 @@ class Worker:
                 used_s = child.cpu_s()
                 share = None if None in (used_s, cpu_s) else (used_s - cpu_s) / (now_s - reported_s)  # type: ignore[operator]
                 reported_s, cpu_s = now_s, used_s
-                self._report_status(replace(self.status, rss_mb=rss_mb, cpu=share))
+                self._report_status(replace(self.memory.status, rss_mb=rss_mb, cpu=share))
 
     def _excuse(self, now_s: float) -> None:
         """What the daemon slept through was no delay of the worker."""
@@ -265,7 +264,12 @@ class Worker:
     def _why_to_kill(self, now_s: float, rss_mb: float | None) -> str | None:
         allowed_s = max(self._parameters.step_timeout_s, self._requests.longest_deadline_s)
         reason = why_to_kill(
-            self._parameters, self.status.state, self._vitals, now_s, rss_mb=rss_mb, allowed_s=allowed_s
+            self._parameters,
+            self.memory.status.state,
+            self._vitals,
+            now_s,
+            rss_mb=rss_mb,
+            allowed_s=allowed_s,
         )
         return reason or self._requests.why_late(now_s)
 
@@ -285,7 +289,7 @@ class Worker:
 
     def follow(self, status: WorkerStatus, channel: "Channel | None") -> None:
         """Stand as a recorded worker stood; there is no process. What is sent to it goes to ``channel``."""
-        was_ready, self.status = self.is_ready, status
+        was_ready, self.memory.status = self.is_ready, status
         self._channel = self._channel or channel
         if self.is_ready and not was_ready:
             for handler in self._on_ready:
@@ -354,15 +358,15 @@ class Worker:
 
     def _set(self, happened: WorkerTransition, **fields: object) -> bool:
         """Go on to the next state; a worker that tells what cannot be is not believed."""
-        state = NEXT.get((self.status.state, happened))
+        state = NEXT.get((self.memory.status.state, happened))
         if state is None:
-            self._mark_ended(f"it says that it is {happened} while it is {self.status.state}")
+            self._mark_ended(f"it says that it is {happened} while it is {self.memory.status.state}")
             return False
-        self._report_status(replace(self.status, state=state, **fields))
+        self._report_status(replace(self.memory.status, state=state, **fields))
         return True
 
     def _report_status(self, status: WorkerStatus) -> None:
-        self.status = status
+        self.memory.status = status
         self._on_status(status)
 
 

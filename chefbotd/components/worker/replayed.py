@@ -41,5 +41,5 @@ def replayed_inputs(worker: Worker) -> ReplayedInputs:
 
     return ReplayedInputs(
         {WorkerReported: report, WorkerSaid: say, WorkerGone: lambda entry: worker.forget_pending()},
-        lambda: follow(worker.status),
+        lambda: follow(worker.memory.status),
     )

@@ -8,6 +8,7 @@ from msgspec import Struct
 from chefbotd.clock import Clock
 from chefbotd.components.worker.messages import Answer, Failed, RequestProgress
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.record import StatefulValue
 from chefbotd.core.sentence import Sentence, sentence_of
 
 OnProgress = Callable[[float, float, str], None]
@@ -31,12 +32,12 @@ class _Pending(Struct):
     due_s: float
 
 
-class Requests:
-    """Those under way."""
+class Requests(StatefulValue[int]):
+    """Those under way; the ``memory`` is the number of the last one that a replay makes too."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
-        self.last_number = 0
+        self.memory = 0
         self._last_unreplayed = 0
         self._pending: dict[int, _Pending] = {}
 
@@ -48,7 +49,7 @@ class Requests:
         One that a replay does not make has a number below zero, so that it does not change those of the others.
         """
         if is_replayed:
-            self.last_number = number = self.last_number + 1
+            self.memory = number = self.memory + 1
         else:
             self._last_unreplayed = number = self._last_unreplayed - 1
         future = asyncio.get_running_loop().create_future()

@@ -7,7 +7,7 @@ from msgspec.structs import asdict
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.components.worker.parameters import WorkerParameters
-from chefbotd.components.worker.process import Worker, WorkerStatus
+from chefbotd.components.worker.process import Worker, WorkerMemory, WorkerStatus
 from chefbotd.components.worker.spawn import Spawn, spawn
 from chefbotd.core.events import OdometryReset, OdometryUpdated, RangeMeasured, RangeStatus
 from chefbotd.core.events.lidars import ScanMeasured
@@ -25,7 +25,7 @@ TOPICS = (Topic("worker", (WorkerReported,), WorkerData, same_names(WorkerData),
 class WorkerServiceState(MutableState):
     """The worker, and the pose of ``odom`` in the frame of its skills."""
 
-    worker: tuple[WorkerStatus, int]
+    worker: WorkerMemory
     steady_from_odom: Pose2D = ORIGIN
 
 
@@ -42,7 +42,7 @@ class WorkerService(StatefulPart[WorkerServiceState]):
     ) -> None:
         self._bus, self._entries = bus, inputs_of(clock)
         self.worker = Worker(parameters, clock, skills, self._report_status, start or spawn)
-        self.memory, self.parts = WorkerServiceState(self.worker.state()), {"worker": self.worker}
+        self.memory, self.parts = WorkerServiceState(self.worker.memory), {"worker": self.worker}
         bus.add_handler(self._send_odometry, OdometryUpdated)
         bus.add_handler(self._take_reset, OdometryReset)
         bus.add_handler(self.worker.send, ScanMeasured)
@@ -85,16 +85,18 @@ def worker(service: WorkerService) -> Feature:
     process = service.worker
 
     def add_metrics(metrics: Metrics) -> None:
-        metrics.counter("worker_restarts", "Restarts of the worker.", lambda: process.status.restarts)
+        metrics.counter("worker_restarts", "Restarts of the worker.", lambda: process.memory.status.restarts)
         metrics.counter(
             "worker_dropped",
             "Scans and odometry that were dropped, because the worker did not read in time.",
             lambda: process.dropped_measurements,
         )
         metrics.optional_gauge(
-            "worker_rss_mb", "Resident memory of the worker.", lambda: process.status.rss_mb
+            "worker_rss_mb", "Resident memory of the worker.", lambda: process.memory.status.rss_mb
         )
-        metrics.optional_gauge("worker_cpu", "The worker's share of one core.", lambda: process.status.cpu)
+        metrics.optional_gauge(
+            "worker_cpu", "The worker's share of one core.", lambda: process.memory.status.cpu
+        )
 
     def inputs() -> ReplayedInputs:
         from chefbotd.components.worker.replayed import replayed_inputs  # only a replay needs it

@@ -46,7 +46,7 @@ def board(session: BoardSession, link: PortLink, fault_log: FaultLog, brake: Cal
 
 def _add_metrics(metrics: Metrics, session: BoardSession) -> None:
     clock = session.board_clock
-    metrics.counter("bytes_in", "Bytes from the board.", lambda: session.monitor.bytes_in)
+    metrics.counter("bytes_in", "Bytes from the board.", lambda: session.monitor.memory.bytes_in)
     metrics.counters("frames", "Accepted lines from the board.", "message", lambda: session.frames)
     metrics.counters("refused", "Malformed lines from the board.", "reason", lambda: session.refused)
     metrics.counter("lines_out", "Lines to the board.", lambda: session.writer.memory.lines_out)
@@ -55,8 +55,8 @@ def _add_metrics(metrics: Metrics, session: BoardSession) -> None:
         "Duties that newer ones replaced before they were sent.",
         lambda: session.setpoints.replaced,
     )
-    metrics.counter("link_opens", "Connections of the serial port.", lambda: session.opens)
-    metrics.counter("board_restarts", "Restarts of the board.", lambda: session.restarts.count)
+    metrics.counter("link_opens", "Connections of the serial port.", lambda: session.memory.opens)
+    metrics.counter("board_restarts", "Restarts of the board.", lambda: session.restarts.memory.count)
     metrics.counter(
         "board_lines_lost", "Checked lines of the board that were lost.", lambda: session.firmware.codec.lost
     )

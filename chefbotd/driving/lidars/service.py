@@ -109,7 +109,7 @@ def _add_metrics(metrics: Metrics, sessions: Sequence[LidarSession]) -> None:
         }
 
     metrics.counters(
-        "lidar_scans", "Whole turns of the lidars.", "lidar", by_lidar(lambda of_lidar: of_lidar.scans)
+        "lidar_scans", "Whole turns of the lidars.", "lidar", by_lidar(lambda of_lidar: of_lidar.memory.scans)
     )
     metrics.counters(
         "lidar_packets",
@@ -118,9 +118,15 @@ def _add_metrics(metrics: Metrics, sessions: Sequence[LidarSession]) -> None:
         by_lidar(lambda of_lidar: of_lidar.reader.packets),
     )
     metrics.counters(
-        "lidar_bytes_in", "Bytes from the lidars.", "lidar", by_lidar(lambda of_lidar: of_lidar.bytes_in)
+        "lidar_bytes_in",
+        "Bytes from the lidars.",
+        "lidar",
+        by_lidar(lambda of_lidar: of_lidar.memory.bytes_in),
     )
     metrics.counters("lidar_refused", "Bytes, packets and turns that were rejected.", "reason", refused)
     metrics.counters(
-        "lidar_opens", "Connections of the lidars' ports.", "lidar", by_lidar(lambda of_lidar: of_lidar.opens)
+        "lidar_opens",
+        "Connections of the lidars' ports.",
+        "lidar",
+        by_lidar(lambda of_lidar: of_lidar.memory.opens),
     )

@@ -7,8 +7,9 @@ import math
 from collections import Counter
 
 import numpy as np
+from msgspec import field
 
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, Record, StatefulPart
 from chefbotd.link.board_clock import ClockRelation
 from chefbotd.link.lidar.turn import LEAST_COVERED, LidarTurn
 from firmware_protocol.lidar.ld19 import (
@@ -49,64 +50,38 @@ class _Placed(Record, frozen=True, array_like=True):
     packet: Ld19Packet
 
 
-class Ld19State(Record, frozen=True, tag="ld19"):
-    """The lidar's clock, its angle, and the packets of the turn in progress."""
+class Ld19State(MutableState, tag="ld19"):
+    """The lidar's clock, its angle, and the packets of the turn in progress.
+
+    ``end_cdeg`` is where the present turn ends; None: the turn was not heard from its beginning.
+    """
 
     decoder: Ld19DecoderState
-    passed_over: dict[str, int]
-    relation: ClockRelation
-    last: _Placed | None
-    last_read_s: float
-    odd: Ld19Packet | None
-    odd_in_a_row: int
-    placed: list[_Placed]
-    end_cdeg: int | None
+    passed_over: Counter[str] = field(default_factory=Counter)
+    relation: ClockRelation = field(default_factory=ClockRelation)
+    last: _Placed | None = None
+    last_read_s: float = -math.inf
+    odd: Ld19Packet | None = None
+    odd_in_a_row: int = 0
+    placed: list[_Placed] = []
+    end_cdeg: int | None = None
 
 
-class Ld19Reader:
+class Ld19Reader(StatefulPart[Ld19State]):
     """Follows the lidar's clock and its angle; packets whose time goes back belong to no turn."""
 
     def __init__(self, baud: int) -> None:
         self._decoder = Ld19Decoder()
         self._packet_s = PACKET.size * 10 / baud
         self.complaint, self.awaits_scan = "", False
-        self._passed_over: Counter[str] = Counter()
-        self._start_anew()
+        self.memory, self.parts = Ld19State(self._decoder.state()), {"decoder": self._decoder}
 
     def _start_anew(self) -> None:
         """Nothing is known of the lidar's clock, nor of where it looks."""
-        self.relation = ClockRelation()
-        self._last: _Placed | None = None
-        self._last_read_s = -math.inf
-        self._odd: Ld19Packet | None = None
-        self._odd_in_a_row = 0
-        self._drop_turn()
+        self.memory = Ld19State(self._decoder.state(), self.memory.passed_over)
 
     def _drop_turn(self) -> None:
-        self._placed: list[_Placed] = []
-        self._end_cdeg: int | None = None  # of the present turn; None: it was not heard from its beginning
-
-    def state(self) -> Ld19State:
-        """Return the state of this part."""
-        return Ld19State(
-            self._decoder.state(),
-            dict(self._passed_over),
-            self.relation,
-            self._last,
-            self._last_read_s,
-            self._odd,
-            self._odd_in_a_row,
-            self._placed,
-            self._end_cdeg,
-        )
-
-    def restore(self, state: Ld19State) -> None:
-        """Restore this state."""
-        self._decoder.restore(state.decoder)
-        self._passed_over, self.relation = Counter(state.passed_over), state.relation
-        self._last, self._last_read_s = state.last, state.last_read_s
-        self._odd, self._odd_in_a_row = state.odd, state.odd_in_a_row
-        self._placed, self._end_cdeg = state.placed, state.end_cdeg
+        self.memory.placed, self.memory.end_cdeg = [], None
 
     @property
     def packets(self) -> int:
@@ -116,7 +91,7 @@ class Ld19Reader:
     @property
     def refused(self) -> Counter[str]:
         """Bytes (``noise``) and packets that were passed over."""
-        return self._decoder.refused + self._passed_over
+        return self._decoder.refused + self.memory.passed_over
 
     def begin(self, now_s: float) -> bytes:
         """Another connection: nothing of the old one is continued. The lidar needs no words."""
@@ -141,15 +116,15 @@ class Ld19Reader:
         packets = self._decoder.feed_bytes(data)
         ended: list[tuple[list[_Placed], int] | None] = []
         for packet in packets:
-            before = self.relation
+            before = self.memory.relation
             is_placed = self._place(packet, now_s)
-            if self.relation is not before:
+            if self.memory.relation is not before:
                 ended.clear()
             if is_placed:
                 ended.append(self._whole_turn())
-        if packets and self._last is not None and self._last.packet == packets[-1]:
-            self.relation.observe(self._last.device_ms * 1e-3, now_s - self._packet_s)
-        if not self.relation.is_known:
+        if packets and self.memory.last is not None and self.memory.last.packet == packets[-1]:
+            self.memory.relation.observe(self.memory.last.device_ms * 1e-3, now_s - self._packet_s)
+        if not self.memory.relation.is_known:
             return []
         turns = [self._turn_of(*turn, now_s) for turn in ended if turn is not None]
         return [turn for turn in turns if turn is not None]
@@ -157,15 +132,15 @@ class Ld19Reader:
     def _place(self, packet: Ld19Packet, now_s: float) -> bool:
         """Whether the packet follows what came before."""
         if packet.span_cdeg > WIDEST_PACKET_CDEG:
-            self._passed_over["fields"] += 1
+            self.memory.passed_over["fields"] += 1
             return False
-        if self._last is None or now_s - self._last_read_s > LONGEST_SILENCE_S:
+        if self.memory.last is None or now_s - self.memory.last_read_s > LONGEST_SILENCE_S:
             self._start_anew()
             return self._accept_packet(_Placed(packet.start_cdeg, packet.stamp_ms, packet), now_s)
-        last = self._last
+        last = self.memory.last
         step_ms = (packet.stamp_ms - last.packet.stamp_ms) % TIME_SPAN_MS
         if packet == last.packet:
-            self._passed_over["repeated"] += 1
+            self.memory.passed_over["repeated"] += 1
             return False
         if step_ms > LONGEST_STEP_MS:
             return self._is_restart(packet, now_s)
@@ -176,36 +151,36 @@ class Ld19Reader:
         return self._accept_packet(_Placed(start_cdeg, last.device_ms + step_ms, packet), now_s)
 
     def _accept_packet(self, placed: _Placed, now_s: float) -> bool:
-        self._last, self._last_read_s = placed, now_s
-        self._odd, self._odd_in_a_row = None, 0
-        self._placed.append(placed)
+        self.memory.last, self.memory.last_read_s = placed, now_s
+        self.memory.odd, self.memory.odd_in_a_row = None, 0
+        self.memory.placed.append(placed)
         return True
 
     def _is_restart(self, packet: Ld19Packet, now_s: float) -> bool:
         """Whether the lidar has restarted, judged by packets in a row whose time went back."""
-        before, self._odd = self._odd, packet
+        before, self.memory.odd = self.memory.odd, packet
         follows = before and 0 < (packet.stamp_ms - before.stamp_ms) % TIME_SPAN_MS <= LONGEST_GAP_MS
-        self._odd_in_a_row = self._odd_in_a_row + 1 if follows else 1
-        if self._odd_in_a_row < SURE_OF_RESTART:
-            self._passed_over["out_of_order"] += 1
+        self.memory.odd_in_a_row = self.memory.odd_in_a_row + 1 if follows else 1
+        if self.memory.odd_in_a_row < SURE_OF_RESTART:
+            self.memory.passed_over["out_of_order"] += 1
             return False
         self._start_anew()
         return self._accept_packet(_Placed(packet.start_cdeg, packet.stamp_ms, packet), now_s)
 
     def _whole_turn(self) -> tuple[list[_Placed], int] | None:
         """The packets of a turn that the newest one ends, and the angle of its end; that packet begins the next."""
-        newest = self._placed[-1]
+        newest = self.memory.placed[-1]
         last_cdeg = newest.start_cdeg + newest.packet.span_cdeg
-        if self._end_cdeg is not None and last_cdeg < self._end_cdeg:
+        if self.memory.end_cdeg is not None and last_cdeg < self.memory.end_cdeg:
             return None
         next_end_cdeg = (last_cdeg // FULL_TURN_CDEG + 1) * FULL_TURN_CDEG
         if (
-            self._end_cdeg is None
-            and last_cdeg // FULL_TURN_CDEG == self._placed[0].start_cdeg // FULL_TURN_CDEG
+            self.memory.end_cdeg is None
+            and last_cdeg // FULL_TURN_CDEG == self.memory.placed[0].start_cdeg // FULL_TURN_CDEG
         ):
             return None  # the zero mark has not been passed yet
-        placed, end_cdeg = self._placed, self._end_cdeg
-        self._placed, self._end_cdeg = [newest], next_end_cdeg
+        placed, end_cdeg = self.memory.placed, self.memory.end_cdeg
+        self.memory.placed, self.memory.end_cdeg = [newest], next_end_cdeg
         return None if end_cdeg is None else (placed, end_cdeg)
 
     def _turn_of(self, placed: list[_Placed], end_cdeg: int, now_s: float) -> LidarTurn | None:
@@ -216,11 +191,11 @@ class Ld19Reader:
         angle = start[:, None] + span[:, None] * share - (end_cdeg - FULL_TURN_CDEG)
         inside = (angle >= 0) & (angle < FULL_TURN_CDEG)
         if span.sum() * POINTS / (POINTS - 1) < LEAST_COVERED * FULL_TURN_CDEG:
-            self._passed_over["incomplete"] += 1
+            self.memory.passed_over["incomplete"] += 1
             return None
         speed_cdeg_s = np.array([100.0 * max(packet.speed_deg_s, 1) for packet in packets])
         packet_s = np.minimum(span / speed_cdeg_s, LONGEST_POINT_S * (POINTS - 1))
-        sent_s = np.array([self.relation.host_s(item.device_ms * 1e-3) for item in placed])
+        sent_s = np.array([self.memory.relation.host_s(item.device_ms * 1e-3) for item in placed])
         stamp_s = np.minimum(sent_s[:, None] - packet_s[:, None] * (1 - share), now_s)
         range_m = np.array([packet.distance_mm for packet in packets]) * 1e-3
         beam_s = np.maximum.accumulate(stamp_s[inside])  # the lidar's milliseconds are whole ones

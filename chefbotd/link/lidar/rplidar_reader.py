@@ -11,7 +11,7 @@ from statistics import median
 import numpy as np
 from msgspec import field
 
-from chefbotd.core.record import MutableState, Record
+from chefbotd.core.record import MutableState, StatefulPart
 from chefbotd.link.lidar.turn import LEAST_COVERED, LidarTurn
 from chefbotd.sensing.lidar import LidarModel
 from firmware_protocol.lidar.rplidar import (
@@ -147,58 +147,44 @@ class _TurnBuilder(MutableState):
         return usual_s
 
 
-class RplidarState(Record, frozen=True, tag="rplidar"):
+class RplidarState(MutableState, tag="rplidar"):
     """How far the conversation has come, and the turn in progress."""
 
     decoder: RplidarDecoderState
     turns: _TurnBuilder
-    phase: ScanPhase
-    heard_s: float
-    words: bytes
     has_express: bool
-    awaits_scan: bool
-    packets: int
-    complaint: str
-    info: DeviceInfo | None
+    phase: ScanPhase = ScanPhase.STOPPING
+    heard_s: float = 0.0
+    words: bytes = b""
+    awaits_scan: bool = False
+    packets: int = 0
+    complaint: str = ""
+    info: DeviceInfo | None = None
 
 
-class RplidarReader:
+class RplidarReader(StatefulPart[RplidarState]):
     """``poll`` says what is to be written: the next request, or the first one again where no answer came."""
 
     def __init__(self, model: LidarModel, baud: int, *, express: bool) -> None:
         self._model, self._wants_express = model, express
-        self._has_express = express
-        self._decoder = RplidarDecoder()
-        self._turns = _TurnBuilder()
-        self.packets = 0
-        self.complaint, self.awaits_scan = "", False
-        self.info: DeviceInfo | None = None
-        self.phase = ScanPhase.STOPPING
-        self._heard_s = 0.0
-        self._words = b""
+        self._decoder, self._turns = RplidarDecoder(), _TurnBuilder()
+        self.memory = RplidarState(self._decoder.state(), self._turns, express)
+        self.parts = {"decoder": self._decoder, "turns": self._turns}
 
-    def state(self) -> RplidarState:
-        """Return the state of this part."""
-        return RplidarState(
-            self._decoder.state(),
-            self._turns,
-            self.phase,
-            self._heard_s,
-            self._words,
-            self._has_express,
-            self.awaits_scan,
-            self.packets,
-            self.complaint,
-            self.info,
-        )
+    @property
+    def packets(self) -> int:
+        """Answers so far."""
+        return self.memory.packets
 
-    def restore(self, state: RplidarState) -> None:
-        """Restore this state."""
-        self._decoder.restore(state.decoder)
-        self._turns = state.turns
-        self.phase, self._heard_s, self._words = state.phase, state.heard_s, state.words
-        self._has_express, self.awaits_scan = state.has_express, state.awaits_scan
-        self.packets, self.complaint, self.info = state.packets, state.complaint, state.info
+    @property
+    def awaits_scan(self) -> bool:
+        """Whether a scan was asked for, and no point of it has come."""
+        return self.memory.awaits_scan
+
+    @property
+    def complaint(self) -> str:
+        """What the lidar itself says is wrong with it; empty where it says nothing."""
+        return self.memory.complaint
 
     @property
     def refused(self) -> Counter[str]:
@@ -207,14 +193,14 @@ class RplidarReader:
 
     def begin(self, now_s: float) -> bytes:
         """Begin a connection: stop a scan that may still run."""
-        self.complaint, self.info, self._words = "", None, b""
-        self._has_express = self._wants_express
+        self.memory.complaint, self.memory.info, self.memory.words = "", None, b""
+        self.memory.has_express = self._wants_express
         self._go(ScanPhase.STOPPING, now_s, request(RequestCode.STOP))
         return self.poll(now_s)
 
     def read_bytes(self, data: bytes, now_s: float) -> list[LidarTurn]:
         """The turns that these bytes complete."""
-        if self.phase in (
+        if self.memory.phase in (
             ScanPhase.STOPPING,
             ScanPhase.RESETTING,
         ):  # the rest of a scan, or what a start prints
@@ -222,10 +208,10 @@ class RplidarReader:
         turns = []
         answers = self._decoder.feed_bytes(data)
         for behind, answer in zip(range(len(answers) - 1, -1, -1), answers, strict=True):
-            self.packets += 1
-            self._heard_s = now_s
+            self.memory.packets += 1
+            self.memory.heard_s = now_s
             if isinstance(answer, ScanNode | Capsule):
-                self.awaits_scan = False
+                self.memory.awaits_scan = False
             turn = self._take_answer(answer, now_s, behind)
             if turn is not None:
                 turns.append(turn)
@@ -233,9 +219,9 @@ class RplidarReader:
 
     def poll(self, now_s: float) -> bytes:
         """What is to be written now."""
-        if now_s - self._heard_s >= PATIENCE_S[self.phase]:
+        if now_s - self.memory.heard_s >= PATIENCE_S[self.memory.phase]:
             self._run_out(now_s)
-        words, self._words = self._words, b""
+        words, self.memory.words = self.memory.words, b""
         return words
 
     def end(self) -> bytes:
@@ -245,41 +231,41 @@ class RplidarReader:
 
     def _run_out(self, now_s: float) -> None:
         """A phase has timed out: go on after a stop or a reset, start again after a silence."""
-        if self.phase is ScanPhase.STOPPING:
+        if self.memory.phase is ScanPhase.STOPPING:
             self._go(ScanPhase.ASKING_INFO, now_s, request(RequestCode.GET_INFO))
             return
-        if self.phase is ScanPhase.SCANNING and self.awaits_scan:
-            self._has_express = False  # the device may have promised more than it does
+        if self.memory.phase is ScanPhase.SCANNING and self.memory.awaits_scan:
+            self.memory.has_express = False  # the device may have promised more than it does
         self._go(ScanPhase.STOPPING, now_s, request(RequestCode.STOP))
 
     def _go(self, phase: ScanPhase, now_s: float, words: bytes) -> None:
-        self.phase, self._heard_s = phase, now_s
-        self.awaits_scan = phase is ScanPhase.SCANNING
-        self._words += words
+        self.memory.phase, self.memory.heard_s = phase, now_s
+        self.memory.awaits_scan = phase is ScanPhase.SCANNING
+        self.memory.words += words
         self._decoder.reset()
         self._turns.begin()
 
     def _take_answer(self, answer: Answer, now_s: float, behind: int) -> LidarTurn | None:
         match answer:
-            case DeviceInfo() if self.phase is ScanPhase.ASKING_INFO:
-                self.info, self.complaint = answer, self._complaint_about(answer)
+            case DeviceInfo() if self.memory.phase is ScanPhase.ASKING_INFO:
+                self.memory.info, self.memory.complaint = answer, self._complaint_about(answer)
                 self._go(ScanPhase.ASKING_HEALTH, now_s, request(RequestCode.GET_HEALTH))
-            case DeviceHealth() if self.phase is ScanPhase.ASKING_HEALTH:
+            case DeviceHealth() if self.memory.phase is ScanPhase.ASKING_HEALTH:
                 self._take_health(answer, now_s)
-            case ScanNode() if self.phase is ScanPhase.SCANNING:
+            case ScanNode() if self.memory.phase is ScanPhase.SCANNING:
                 return self._turns.take_node(answer, now_s, behind)
-            case Capsule() if self.phase is ScanPhase.SCANNING:
+            case Capsule() if self.memory.phase is ScanPhase.SCANNING:
                 return self._turns.take_capsule(answer, now_s, behind)
         return None
 
     def _take_health(self, health: DeviceHealth, now_s: float) -> None:
         if health.status is HealthStatus.ERROR:
-            self.complaint = f"the lidar reports that it is defective (error {health.error_code})"
+            self.memory.complaint = f"the lidar reports that it is defective (error {health.error_code})"
             self._go(ScanPhase.RESETTING, now_s, request(RequestCode.RESET))
             return
-        offered = self.info is not None and self.info.firmware >= EXPRESS_SINCE
+        offered = self.memory.info is not None and self.memory.info.firmware >= EXPRESS_SINCE
         motor = motor_request(MOTOR_PWM) if self._model is LidarModel.RPLIDAR_A2 else b""
-        start = express_request() if self._has_express and offered else request(RequestCode.SCAN)
+        start = express_request() if self.memory.has_express and offered else request(RequestCode.SCAN)
         self._go(ScanPhase.SCANNING, now_s, motor + start)
 
     def _complaint_about(self, info: DeviceInfo) -> str:

@@ -5,14 +5,15 @@ from collections import Counter
 from typing import cast
 
 import structlog
+from msgspec import field
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import OdometryUpdated
 from chefbotd.core.events.inputs import LinkBytesWritten
 from chefbotd.core.events.lidars import LidarChanged, ScanMeasured
-from chefbotd.core.record import Record
-from chefbotd.inputs import Timer, due_of, inputs_of
+from chefbotd.core.record import MutableState, StatefulPart
+from chefbotd.inputs import ResumableTimer, inputs_of
 from chefbotd.link.lidar.health import LidarCondition, LidarHealthWatch, LidarTotals
 from chefbotd.link.lidar.ld19_reader import Ld19Reader, Ld19State
 from chefbotd.link.lidar.rplidar_reader import RplidarReader, RplidarState
@@ -56,78 +57,45 @@ def _reader_of(lidar: LidarParameters) -> Ld19Reader | RplidarReader:
     return RplidarReader(lidar.model, baud, express=lidar.express)
 
 
-class LidarSessionState(Record, frozen=True):
+class LidarSessionState(MutableState):
     """What the session remembers of its lidar, but for the port itself; ``due_s`` is when it is polled next."""
 
     reader: Ld19State | RplidarState
-    repeats: RepeatFinder
-    travel: Travel
-    health: LidarHealthWatch
-    sample: bytes
-    due_s: float | None
-    heard_s: float
-    bytes_in: int
-    opens: int
-    scans: int
-    scans_before: int
-    repeated: int
-    turn_s: float | None
+    repeats: RepeatFinder = field(default_factory=RepeatFinder)
+    travel: Travel = field(default_factory=Travel)
+    health: LidarHealthWatch = field(default_factory=lambda: LidarHealthWatch(0.0, LidarTotals()))
+    sample: bytes = b""
+    due_s: float | None = None
+    heard_s: float = 0.0
+    bytes_in: int = 0
+    opens: int = 0
+    scans: int = 0
+    scans_before: int = 0
+    repeated: int = 0
+    turn_s: float | None = None
     sharers: str = ""
 
 
-class LidarSession(asyncio.Protocol):
+class LidarSession(asyncio.Protocol, StatefulPart[LidarSessionState]):
     """An asyncio protocol that survives reconnections and keeps its counters. It publishes each scan when it ends."""
 
     def __init__(self, bus: Bus, clock: Clock, lidar: LidarParameters) -> None:
         self._bus, self._clock, self.lidar = bus, inputs_of(clock), lidar
         self.reader = _reader_of(lidar)
         self._base_from_lidar = lidar.base_from_lidar
-        self._repeats, self._travel = RepeatFinder(), Travel()
         bus.add_handler(self._add_travel, OdometryUpdated)
         self._transport: asyncio.Transport | None = None
         self._closed = asyncio.Event()
         self._closed.set()
-        self._sample, self._sharers = b"", ""
-        self._poll_timer: Timer | None = None
-        self._scans_before, self._heard_s = 0, 0.0
-        self._health = LidarHealthWatch(0.0, LidarTotals())
-        self.bytes_in = self.opens = self.scans = self.repeated = 0
-        self.turn_s: float | None = None
-
-    def state(self) -> LidarSessionState:
-        """Return the state of this part."""
-        return LidarSessionState(
-            self.reader.state(),
-            self._repeats,
-            self._travel,
-            self._health,
-            self._sample,
-            due_of(self._poll_timer),
-            self._heard_s,
-            self.bytes_in,
-            self.opens,
-            self.scans,
-            self._scans_before,
-            self.repeated,
-            self.turn_s,
-            self._sharers,
-        )
+        self._poll_timer = ResumableTimer(self._clock, self._poll, f"{link_of(lidar)} poll")
+        self.memory = LidarSessionState(self.reader.memory)
+        self.parts = {"reader": self.reader, "due_s": self._poll_timer}
 
     def restore(self, state: LidarSessionState) -> None:
         """Go on from there; the port is open already, where it was. Raises ``TypeError`` for another model's state."""
-        match self.reader, state.reader:
-            case (Ld19Reader() as ld19_reader, Ld19State() as of_ld19):
-                ld19_reader.restore(of_ld19)
-            case (RplidarReader() as rplidar_reader, RplidarState() as of_rplidar):
-                rplidar_reader.restore(of_rplidar)
-            case _:
-                raise TypeError(f"the state is not that of {self.lidar.model}")
-        self._repeats, self._travel, self._health = state.repeats, state.travel, state.health
-        self._sample, self._heard_s = state.sample, state.heard_s
-        self.bytes_in, self.opens, self.repeated = state.bytes_in, state.opens, state.repeated
-        self.scans, self._scans_before, self.turn_s = state.scans, state.scans_before, state.turn_s
-        self._sharers = state.sharers
-        self._poll_timer = self._clock.resume(state.due_s, self._poll, self._poll_name)
+        if type(state.reader) is not type(self.reader.memory):
+            raise TypeError(f"the state is not that of {self.lidar.model}")
+        super().restore(state)
 
     # What asyncio tells us
 
@@ -135,9 +103,9 @@ class LidarSession(asyncio.Protocol):
         """A port was opened: nothing is known of it yet."""
         self._transport = cast(asyncio.Transport, transport)
         now_s = self._clock.now_s()
-        self.opens += 1
-        self._scans_before, self._sample = self.scans, b""
-        self._health = LidarHealthWatch(now_s, self._heard())
+        self.memory.opens += 1
+        self.memory.scans_before, self.memory.sample = self.memory.scans, b""
+        self.memory.health = LidarHealthWatch(now_s, self._heard())
         self._say(self.reader.begin(now_s))
         self._report_condition(UNKNOWN, "", healthy=None)
         self._poll()
@@ -145,32 +113,31 @@ class LidarSession(asyncio.Protocol):
     def connection_lost(self, exc: Exception | None) -> None:
         """The port is gone."""
         self._transport = None
-        if self._poll_timer is not None:
-            self._poll_timer.cancel()
+        self._poll_timer.cancel()
         self._report_condition(DOWN, str(exc) if exc else "closed", healthy=False)
         self._closed.set()
 
     def data_received(self, data: bytes) -> None:
         """Stamp, read, publish what is whole, and ask for what comes next."""
         now_s = self._clock.now_s()
-        self.bytes_in, self._heard_s = self.bytes_in + len(data), now_s
-        self._sample = (self._sample + data[-SAMPLE_BYTES:])[-SAMPLE_BYTES:]
+        self.memory.bytes_in, self.memory.heard_s = self.memory.bytes_in + len(data), now_s
+        self.memory.sample = (self.memory.sample + data[-SAMPLE_BYTES:])[-SAMPLE_BYTES:]
         for turn in self.reader.read_bytes(data, now_s):
             self._take_turn(turn)
         self._say(self.reader.poll(now_s))
 
     def _take_turn(self, turn: LidarTurn) -> None:
         """Publish a turn, unless it repeats an older one: then it is no measurement."""
-        if self._repeats.is_repeated(turn, self._travel.travelled_m):
-            self.repeated += 1
+        if self.memory.repeats.is_repeated(turn, self.memory.travel.travelled_m):
+            self.memory.repeated += 1
             return
         scan = scan_of(self.lidar, turn)
-        self.scans += 1
-        self.turn_s = float(turn.stamp_s[-1] - turn.stamp_s[0])
+        self.memory.scans += 1
+        self.memory.turn_s = float(turn.stamp_s[-1] - turn.stamp_s[0])
         self._bus.publish(ScanMeasured(scan.stamp_s, self.lidar.name, self._base_from_lidar, scan))
 
     def _add_travel(self, odometry: OdometryUpdated) -> None:
-        self._travel.add_twist(odometry.stamp_s, odometry.twist)
+        self.memory.travel.add_twist(odometry.stamp_s, odometry.twist)
 
     # What the link asks
 
@@ -182,15 +149,17 @@ class LidarSession(asyncio.Protocol):
     @property
     def is_proven(self) -> bool:
         """Whether a whole turn has come in since the port was opened."""
-        return self.scans > self._scans_before
+        return self.memory.scans > self.memory.scans_before
 
     def judge_health(self) -> None:
         """Look at what has come in lately; a change is published and logged. Call it a few times a second."""
-        health = self._health.look(self._clock.now_s(), self._heard(), self._sample, self.reader.complaint)
+        health = self.memory.health.look(
+            self._clock.now_s(), self._heard(), self.memory.sample, self.reader.complaint
+        )
         if health is None or not self.is_open:
             return
         healthy = health.condition is LidarCondition.HEALTHY
-        reason = "; ".join(text for text in (health.reason, self._sharers) if text and not healthy)
+        reason = "; ".join(text for text in (health.reason, self.memory.sharers) if text and not healthy)
         self._report_condition(str(health.condition), reason, healthy=healthy)
         if not healthy:
             log.warning(
@@ -211,7 +180,7 @@ class LidarSession(asyncio.Protocol):
 
     def report_sharers(self, sharers: str) -> None:
         """Other programs have the port open: that is told beside what is wrong with the lidar."""
-        self._sharers = sharers
+        self.memory.sharers = sharers
 
     def expect_connection(self) -> None:
         """A port is about to be opened: ``wait_closed`` is to wait for its end."""
@@ -234,20 +203,16 @@ class LidarSession(asyncio.Protocol):
     @property
     def refused(self) -> Counter[str]:
         """What was passed over, by reason: bytes, packets and turns."""
-        return self.reader.refused + Counter({"repeated_turn": self.repeated})
+        return self.reader.refused + Counter({"repeated_turn": self.memory.repeated})
 
     # Inside
-
-    @property
-    def _poll_name(self) -> str:
-        return f"{link_of(self.lidar)} poll"
 
     def _poll(self) -> None:
         """A reader that waits for an answer looks at the time."""
         if self._transport is None or self.lidar.model in (LidarModel.LD06, LidarModel.LD19):
             return
         self._say(self.reader.poll(self._clock.now_s()))
-        self._poll_timer = self._clock.call_later(POLL_EVERY_S, self._poll, self._poll_name)
+        self._poll_timer.start(POLL_EVERY_S)
 
     def _say(self, words: bytes) -> None:
         if words and self._transport is not None:
@@ -256,10 +221,15 @@ class LidarSession(asyncio.Protocol):
                 self._clock.publish(LinkBytesWritten(self._clock.now_s(), link_of(self.lidar), words))
 
     def _heard(self) -> LidarTotals:
-        repeated = self.repeated + self.reader.refused["out_of_order"]
+        repeated = self.memory.repeated + self.reader.refused["out_of_order"]
         reader = self.reader
         return LidarTotals(
-            self.bytes_in, reader.packets, self.scans, repeated, self._heard_s, reader.awaits_scan
+            self.memory.bytes_in,
+            reader.packets,
+            self.memory.scans,
+            repeated,
+            self.memory.heard_s,
+            reader.awaits_scan,
         )
 
     def _report_condition(self, condition: str, reason: str, *, healthy: bool | None) -> None:

@@ -20,7 +20,7 @@ def test_text_is_heard_and_is_no_frame():
     """Twenty lines of text: bytes are counted, and it is another device that talks."""
     listening = hearing(b"hello\r\n" * 20)
     health = listening.judge(10.1)
-    assert listening.bytes_in == 140
+    assert listening.memory.bytes_in == 140
     assert health is not None
     assert health.condition is Condition.WRONG_DEVICE
     assert "140 bytes, 20 lines, 0 of them frames" in health.reason

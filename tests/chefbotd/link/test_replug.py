@@ -109,7 +109,7 @@ def test_a_hundred_replugs_leak_nothing(cable: Cable):
             cable.unplug()
             await until(lambda: not session.is_open)
             cable.plug()
-            await until(lambda opens=number + 2: session.opens == opens)
+            await until(lambda opens=number + 2: session.memory.opens == opens)
         await until(lambda: held() == before)
 
     on_link(cable, story)
@@ -146,7 +146,7 @@ def test_pulled_while_it_does_not_read_it_comes_back(cable: Cable):
         cable.unplug()
         await until(lambda: not session.is_open)
         cable.plug()
-        await until(lambda: session.opens == 2)
+        await until(lambda: session.memory.opens == 2)
         assert cable.read() == OPENING
 
     on_link(cable, story)

@@ -89,7 +89,7 @@ def test_a_restart_is_noticed_by_the_banner():
         )
         kinds = [type(event) for event in bench.heard()]
         assert kinds == [events.TextReceived, events.BoardRestarted, events.TextReceived, events.TextReceived]
-        assert bench.session.restarts.count == 1
+        assert bench.session.restarts.memory.count == 1
 
     on_bench(scenario)
 
@@ -258,8 +258,8 @@ def test_a_board_that_went_on_counting_while_unplugged_is_not_restarted():
         bench.board.say(wire.BoardTime(3_000_000, 0.02), wire.EncoderCounts((9, 9)))
         first, second = (e for e in bench.heard() if isinstance(e, events.EncodersCounted))
         assert second.board_s - first.board_s == pytest.approx(2.0)
-        assert bench.session.restarts.count == 0
-        assert bench.session.opens == 2
+        assert bench.session.restarts.memory.count == 0
+        assert bench.session.memory.opens == 2
 
     on_bench(scenario)
 

@@ -96,7 +96,7 @@ def test_a_reset_ends_when_the_board_is_back():
         await asyncio.sleep(1.2)
         bench.board.say(wire.Banner("Initializing I2C devices..."))
         assert told(bench) == ["stopping", "asked", "restarted"]
-        assert bench.session.restarts.count == 1
+        assert bench.session.restarts.memory.count == 1
         bench.session.send_duty((70, 60))
         assert bench.board.duty == (70, 60)
         assert bench.session.duty_ceiling(LoopClock().now_s()) is None
@@ -139,7 +139,7 @@ def test_a_board_that_says_reset_done_and_goes_on_is_told_as_such():
             await asyncio.sleep(0.02)
             bench.board.cycle(500, 400)
         assert told(bench) == ["not_restarted"]
-        assert bench.session.restarts.count == 0
+        assert bench.session.restarts.memory.count == 0
         bench.session.send_duty((70, 60))
         assert bench.board.duty == (70, 60)
 
@@ -179,7 +179,7 @@ def test_reset_done_of_a_board_without_clock_and_banner_is_a_restart():
         bench.board.say(wire.EncoderCounts((0, 0)), wire.EncoderCounts((0, 1)))
         kinds = [type(event) for event in bench.heard()]
         assert kinds == [events.BoardRestarted, events.EncodersCounted, events.EncodersCounted]
-        assert bench.session.restarts.count == 1
+        assert bench.session.restarts.memory.count == 1
 
     on_bench(scenario)
 

@@ -224,7 +224,7 @@ def test_a_stream_that_ends_again_and_again_holds_nobody(
         )
         link = PortLink(parameters, session, open_port, SystemClock(), random.Random(1))
         running = asyncio.ensure_future(link.run())
-        await until(lambda: session.opens >= 4)
+        await until(lambda: session.memory.opens >= 4)
         running.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await running

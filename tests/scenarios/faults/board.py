@@ -126,12 +126,12 @@ async def jammed(fault_run: FaultRun) -> AsyncIterator[None]:
 @asynccontextmanager
 async def power_cycle(fault_run: FaultRun) -> AsyncIterator[None]:
     """The cable is pulled, and meanwhile the board loses its power and has it again."""
-    before = fault_run.robot.daemon.session.restarts.count
+    before = fault_run.robot.daemon.session.restarts.memory.count
     fault_run.robot.board.receive(RESET)
     async with unplugged(fault_run):
         yield
         fault_run.check(
-            fault_run.robot.daemon.session.restarts.count == before + 1, "the restart was not noticed"
+            fault_run.robot.daemon.session.restarts.memory.count == before + 1, "the restart was not noticed"
         )
 
 

@@ -193,7 +193,7 @@ async def replugged(fault_run: FaultRun) -> AsyncIterator[None]:
 async def opens_and_closes(fault_run: FaultRun) -> AsyncIterator[None]:
     """The port is lost as soon as it is open, for three seconds: it is tried ever more rarely."""
     robot = fault_run.robot
-    opened, before = robot.daemon.bus.subscribe(LinkOpened), robot.daemon.session.opens
+    opened, before = robot.daemon.bus.subscribe(LinkOpened), robot.daemon.session.memory.opens
 
     async def close_again() -> None:
         transport_of(robot).lose(OSError("gone again"))
@@ -204,7 +204,7 @@ async def opens_and_closes(fault_run: FaultRun) -> AsyncIterator[None]:
     yield
     closing.cancel()
     opened.close()
-    opens = robot.daemon.session.opens - before
+    opens = robot.daemon.session.memory.opens - before
     fault_run.check(1 < opens <= BACKOFF_OPENS, f"opened {opens} times")
     await asyncio.sleep(LONGEST_BACKOFF_S * 1.2)
 

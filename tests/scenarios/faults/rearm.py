@@ -33,11 +33,11 @@ async def told_and_left(fault_run: FaultRun) -> AsyncIterator[None]:
 @asynccontextmanager
 async def counted_and_left(fault_run: FaultRun) -> AsyncIterator[None]:
     """The board restarts: it is counted, and left in the same moment."""
-    before = fault_run.robot.daemon.session.restarts.count
+    before = fault_run.robot.daemon.session.restarts.memory.count
     async with reset(fault_run):
         yield
     fault_run.check(
-        fault_run.robot.daemon.session.restarts.count == before + 1, "the restart was not noticed"
+        fault_run.robot.daemon.session.restarts.memory.count == before + 1, "the restart was not noticed"
     )
 
 

@@ -35,7 +35,7 @@ def test_it_is_configured_and_becomes_ready() -> None:
         async with running(slow) as (worker, nursery):
             assert nursery.last.received == [Configure({"counting": b"{}"})]
             await asyncio.sleep(1.2)
-            assert worker.status.reason == "loading counting"
+            assert worker.memory.status.reason == "loading counting"
             await asyncio.sleep(1.0)
             assert worker.is_ready
             states = list(dict.fromkeys(status.state for status in nursery.statuses))
@@ -50,14 +50,14 @@ def test_a_dead_worker_is_started_again() -> None:
     async def scene() -> None:
         async with running() as (worker, nursery):
             readied: list[int] = []
-            worker.add_on_ready(lambda: readied.append(worker.status.pid or 0))
+            worker.add_on_ready(lambda: readied.append(worker.memory.status.pid or 0))
             nursery.last.die("it was killed by SIGKILL")
             await asyncio.sleep(0.3)
-            assert worker.status.state is WorkerState.RESTARTING
-            assert worker.status.reason == "it was killed by SIGKILL"
-            assert worker.status.pid is None
+            assert worker.memory.status.state is WorkerState.RESTARTING
+            assert worker.memory.status.reason == "it was killed by SIGKILL"
+            assert worker.memory.status.pid is None
             await asyncio.sleep(0.6)
-            assert (worker.is_ready, worker.status.restarts, readied) == (True, 1, [4001])
+            assert (worker.is_ready, worker.memory.status.restarts, readied) == (True, 1, [4001])
 
     run_virtual(scene())
 
@@ -90,7 +90,7 @@ def test_a_worker_that_cannot_be_started_is_tried_again() -> None:
         worker = nursery.worker()
         task = asyncio.create_task(worker.run())
         await asyncio.sleep(0.2)
-        assert worker.status.reason == "it cannot be started: no more processes"
+        assert worker.memory.status.reason == "it cannot be started: no more processes"
         nursery.refuses = False
         await asyncio.sleep(0.5)
         assert worker.is_ready
@@ -113,7 +113,7 @@ def test_a_hung_worker_is_killed() -> None:
             await asyncio.sleep(1.4)
             assert first.killed
             assert worker.is_ready
-            assert worker.status.restarts == 1
+            assert worker.memory.status.restarts == 1
 
     run_virtual(scene())
 
@@ -125,7 +125,10 @@ def test_a_worker_that_is_busy_for_ever_is_killed() -> None:
         async with running() as (worker, nursery):
             nursery.last.say(Alive("counting: a scan", 20.5))
             await asyncio.sleep(0.3)
-            assert worker.status.reason == "it was busy with counting: a scan for 20.5 s, 20 s are allowed"
+            assert (
+                worker.memory.status.reason
+                == "it was busy with counting: a scan for 20.5 s, 20 s are allowed"
+            )
 
     run_virtual(scene())
 
@@ -144,7 +147,7 @@ def test_a_worker_that_has_compiled_for_long_is_not_killed_when_it_is_ready() ->
         async with running(slow) as (worker, _):
             await asyncio.sleep(40.6)
             assert worker.is_ready
-            assert worker.status.restarts == 0
+            assert worker.memory.status.restarts == 0
 
     run_virtual(scene())
 
@@ -157,7 +160,7 @@ def test_a_worker_that_takes_too_much_memory_is_killed() -> None:
             nursery.last.memory_mb = 900.0
             await asyncio.sleep(0.3)
             assert nursery.last.killed
-            assert "900 MB" in worker.status.reason
+            assert "900 MB" in worker.memory.status.reason
 
     run_virtual(scene())
 
@@ -179,8 +182,10 @@ def test_garbage_ends_the_worker_and_nothing_else(data: bytes) -> None:
             first = nursery.last
             first.say_bytes(data)
             await asyncio.sleep(0.4)
-            assert worker.status.state is WorkerState.RESTARTING
-            assert worker.status.reason.startswith(("it sent what is no message", "it says that it is ready"))
+            assert worker.memory.status.state is WorkerState.RESTARTING
+            assert worker.memory.status.reason.startswith(
+                ("it sent what is no message", "it says that it is ready")
+            )
             await asyncio.sleep(0.6)
             assert worker.is_ready
             assert nursery.last is not first
@@ -200,7 +205,7 @@ def test_a_flood_ends_it() -> None:
                 await asyncio.sleep(0)
             await asyncio.sleep(0.3)
             assert first.killed
-            assert worker.status.reason.startswith("it sent 2")
+            assert worker.memory.status.reason.startswith("it sent 2")
 
     run_virtual(scene())
 
@@ -231,7 +236,7 @@ def test_what_a_skill_tells_reaches_its_listener(told: SkillEvent, reason: str) 
             assert heard == [Pose2D(1.0, 2.0, 0.5)]
             nursery.last.say(told)
             await asyncio.sleep(0.3)
-            assert reason in worker.status.reason
+            assert reason in worker.memory.status.reason
 
     run_virtual(scene())
 
@@ -251,8 +256,8 @@ def test_a_missing_extra_is_said_once_and_for_all() -> None:
         async with running(without_numba) as (worker, nursery):
             await asyncio.sleep(100)
             assert len(nursery.children) == 1
-            assert worker.status.state is WorkerState.UNAVAILABLE
-            assert worker.status.pid is None
+            assert worker.memory.status.state is WorkerState.UNAVAILABLE
+            assert worker.memory.status.pid is None
             with pytest.raises(WorkerLost, match=r"unavailable: mapping needs numba.*chefbotd\[navigation\]"):
                 await worker.request("counting", Count(3), str, deadline_s=1.0)
 
@@ -281,8 +286,8 @@ def test_the_status_tells_memory_and_processor_once_a_second() -> None:
             for _ in range(30):
                 nursery.last.used_s += 0.008
                 await asyncio.sleep(0.1)
-            assert worker.status.rss_mb == 151.0
-            assert worker.status.cpu == pytest.approx(0.08, rel=0.05)
+            assert worker.memory.status.rss_mb == 151.0
+            assert worker.memory.status.cpu == pytest.approx(0.08, rel=0.05)
             assert 2 <= len(nursery.statuses) - before <= 4
 
     run_virtual(scene())
@@ -295,7 +300,7 @@ def test_it_ends_with_the_daemon() -> None:
         async with running() as (worker, nursery):
             pass
         assert not nursery.last.killed
-        assert worker.status.state is WorkerState.STOPPED
+        assert worker.memory.status.state is WorkerState.STOPPED
 
     run_virtual(scene())
 

@@ -143,7 +143,7 @@ def test_a_request_that_is_not_answered_in_time_ends_the_worker() -> None:
                 await worker.request("counting", Count(3), str, deadline_s=2.0)
             assert nursery.children[0].killed
             await asyncio.sleep(0.1)
-            assert worker.status.reason == "it did not answer a request within 2 s"
+            assert worker.memory.status.reason == "it did not answer a request within 2 s"
 
     run_virtual(scene())
 

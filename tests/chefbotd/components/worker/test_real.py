@@ -80,13 +80,13 @@ def test_it_runs_behind_the_daemon_and_leaves_with_it() -> None:
 
     async def scene() -> None:
         async with running() as (worker, _):
-            pid = worker.status.pid or 0
+            pid = worker.memory.status.pid or 0
             pids.append(pid)
             mine = os.getpriority(os.PRIO_PROCESS, 0)
             assert os.getpriority(os.PRIO_PROCESS, pid) == min(mine + 10, 19)
             assert out_of_memory_score(pid) == 800
-            await until(lambda: worker.status.rss_mb is not None)
-            assert 5 < (worker.status.rss_mb or 0) < 100, "without skills it has loaded no arrays"
+            await until(lambda: worker.memory.status.rss_mb is not None)
+            assert 5 < (worker.memory.status.rss_mb or 0) < 100, "without skills it has loaded no arrays"
 
     run(scene)
     assert not lives(pids[0])
@@ -97,10 +97,10 @@ def test_killed_it_is_back_within_seconds() -> None:
 
     async def scene() -> None:
         async with running() as (worker, statuses):
-            first = worker.status.pid or 0
+            first = worker.memory.status.pid or 0
             os.kill(first, signal.SIGKILL)
-            await until(lambda: worker.status.restarts == 1 and worker.is_ready)
-            assert worker.status.pid != first
+            await until(lambda: worker.memory.status.restarts == 1 and worker.is_ready)
+            assert worker.memory.status.pid != first
             assert "it was killed by SIGKILL" in [status.reason for status in statuses]
 
     run(scene)
@@ -111,10 +111,10 @@ def test_stopped_it_is_taken_for_hung() -> None:
 
     async def scene() -> None:
         async with running(WorkerParameters(silence_timeout_s=1.5)) as (worker, statuses):
-            first = worker.status.pid or 0
+            first = worker.memory.status.pid or 0
             os.kill(first, signal.SIGSTOP)
             await until(
-                lambda: worker.status.restarts >= 1 and worker.is_ready
+                lambda: worker.memory.status.restarts >= 1 and worker.is_ready
             )  # a busy one may seem silent, too
             assert not lives(first)
             assert any("silent" in status.reason for status in statuses)

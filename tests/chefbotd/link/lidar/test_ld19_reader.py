@@ -65,7 +65,7 @@ def test_each_beam_has_its_time_on_the_host_s_clock() -> None:
         error_s = turn.stamp_s - true_s
         assert abs(error_s - 0.005).max() < 0.008
         assert np.all(np.diff(turn.stamp_s) >= 0)
-    assert reader.relation.jitter_s is not None
+    assert reader.memory.relation.jitter_s is not None
 
 
 def test_no_turn_has_the_lidar_s_own_time_for_the_host_s() -> None:

@@ -48,12 +48,12 @@ def test_it_stops_asks_and_scans(size: int) -> None:
         RequestCode.GET_HEALTH,
         RequestCode.SCAN,
     ]
-    assert talk.reader.phase is ScanPhase.SCANNING
+    assert talk.reader.memory.phase is ScanPhase.SCANNING
     assert 9 <= len(talk.turns) <= 11
     assert {len(turn.range_m) for turn in talk.turns} == {360}
     assert not talk.reader.refused
-    assert talk.reader.info is not None
-    assert (talk.reader.info.model, talk.reader.info.firmware) == (0x18, (1, 17))
+    assert talk.reader.memory.info is not None
+    assert (talk.reader.memory.info.model, talk.reader.memory.info.firmware) == (0x18, (1, 17))
 
 
 def test_ranges_and_times_stand_at_their_angles() -> None:

@@ -99,7 +99,7 @@ def test_an_ld19_s_turns_are_scans_on_the_bus() -> None:
     left = np.argmin(abs((event.scan.bearing_rad - math.pi / 2) % math.tau))
     assert event.scan.range_m[left] == pytest.approx(1.0, abs=0.03)
     assert [condition for condition, *_ in rig.told()] == ["unknown", "healthy", "down"]
-    assert rig.session.turn_s == pytest.approx(0.1, abs=0.003)
+    assert rig.session.memory.turn_s == pytest.approx(0.1, abs=0.003)
     assert rig.opened[0].baud == 230_400  # type: ignore[attr-defined]
 
 
@@ -167,8 +167,8 @@ def test_bytes_that_are_replayed_are_no_scans() -> None:
 
     rig = run(LD19, story)
     assert len(rig.scans) <= 4
-    assert rig.session.repeated > 10
-    assert rig.session.refused["repeated_turn"] == rig.session.repeated
+    assert rig.session.memory.repeated > 10
+    assert rig.session.refused["repeated_turn"] == rig.session.memory.repeated
     conditions = [condition for condition, *_ in rig.told()]
     assert conditions[:2] == ["unknown", "healthy"]
     assert "frozen" in conditions
@@ -193,15 +193,15 @@ def test_an_unplugged_lidar_is_opened_again_by_itself() -> None:
         await rig.feed(ld19_packets(noisy_box()), 1.0)
         rig.device.unplug()
         await asyncio.sleep(5.0)
-        before = rig.session.scans
+        before = rig.session.memory.scans
         rig.device.plug()
         for _ in range(60):
             await asyncio.sleep(0.0 if rig.session.is_open else 0.05)
         await rig.feed(ld19_packets(noisy_box(7)), 1.0)
-        assert rig.session.scans == before + 9
+        assert rig.session.memory.scans == before + 9
 
     rig = run(LD19, story)
-    assert rig.session.opens == 2
+    assert rig.session.memory.opens == 2
     told = rig.told()
     assert [condition for condition, *_ in told] == [
         "unknown",

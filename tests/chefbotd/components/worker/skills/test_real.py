@@ -103,12 +103,14 @@ def test_killed_at_any_moment_what_was_saved_is_whole(tmp_path: Path) -> None:
                 feeding = asyncio.create_task(bench.drive(at, at + 40))
                 await until(lambda: MapStore(tmp_path).read_autosave() is not None)
                 await asyncio.sleep(chance.uniform(0.1, 0.45))
-                restarts, pid = bench.worker.status.restarts, bench.worker.status.pid
+                restarts, pid = bench.worker.memory.status.restarts, bench.worker.memory.status.pid
                 assert pid is not None
                 os.kill(pid, signal.SIGKILL)
                 await feeding
                 at += 40
-                await until(lambda was=restarts: bench.worker.is_ready and bench.worker.status.restarts > was)
+                await until(
+                    lambda was=restarts: bench.worker.is_ready and bench.worker.memory.status.restarts > was
+                )
                 found = MapStore(tmp_path).read_autosave()
                 assert found is not None, "it is saved with its first scans"
                 nodes = restore_state(contents.read_arrays(found.folder / GRAPH)).nodes
@@ -142,12 +144,14 @@ def test_killed_while_it_finishes_the_map_is_there_or_goes_on(tmp_path: Path) ->
                     bench.worker.request(SKILL, Finish("flat"), MapSaved, deadline_s=PATIENCE_S)
                 )
                 await asyncio.sleep(0.06 * k)
-                restarts, pid = bench.worker.status.restarts, bench.worker.status.pid
+                restarts, pid = bench.worker.memory.status.restarts, bench.worker.memory.status.pid
                 assert pid is not None
                 os.kill(pid, signal.SIGKILL)
                 with contextlib.suppress(WorkerLost):
                     await asking
-                await until(lambda was=restarts: bench.worker.is_ready and bench.worker.status.restarts > was)
+                await until(
+                    lambda was=restarts: bench.worker.is_ready and bench.worker.memory.status.restarts > was
+                )
                 names = store.names()
                 saved = "flat" in names and len(store.describe("flat").versions) > before
                 if saved:
@@ -179,13 +183,13 @@ def test_compiling_for_the_first_time_leaves_no_memory_behind(tmp_path: Path) ->
         )
         task = asyncio.create_task(worker.run())
         async with asyncio.timeout(600.0):
-            while not worker.is_ready or worker.status.rss_mb is None:  # noqa: ASYNC110 - another process
+            while not worker.is_ready or worker.memory.status.rss_mb is None:  # noqa: ASYNC110 - another process
                 await asyncio.sleep(0.1)
         await asyncio.sleep(2.0)
-        assert worker.status.restarts == 0
+        assert worker.memory.status.restarts == 0
         assert len(pids) == 1
-        assert worker.status.rss_mb is not None
-        assert worker.status.rss_mb < 120.0
+        assert worker.memory.status.rss_mb is not None
+        assert worker.memory.status.rss_mb < 120.0
         task.cancel()
         await asyncio.wait({task})
 
