@@ -1,11 +1,16 @@
 """The section [camera]: where pictures come from, how many and how large, and who may see them."""
 
 from enum import StrEnum
+from typing import Final
 
 from pydantic import Field, model_validator
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.rpc.parameters import Role
+
+PICTURES_IN_SILENCE: Final = 2
+"""A camera that sends nothing for less than two pictures' time may only be slow."""
+TOLERANCE: Final = 1e-9
 
 
 class CameraSource(StrEnum):
@@ -35,7 +40,7 @@ class CameraParameters(Parameters):
     )
     width_px: int = Field(640, ge=16, le=4096, description="The width that the device is asked for")
     height_px: int = Field(480, ge=16, le=4096, description="The height that the device is asked for")
-    rate_hz: float = Field(15.0, gt=0.0, le=60.0, description="No more pictures a second are passed on")
+    rate_hz: float = Field(15.0, ge=0.2, le=60.0, description="No more pictures a second are passed on")
     max_frame_bytes: int = Field(
         262_144, ge=4096, le=4_194_304, description="A longer picture is dropped, and counted"
     )
@@ -62,6 +67,17 @@ class CameraParameters(Parameters):
             )
         if self.command and not all(self.command):
             raise ValueError(f"command: expected no empty text in it, got {list(self.command)}")
+        return self
+
+    @model_validator(mode="after")
+    def _waits_for_two_pictures(self) -> "CameraParameters":
+        if self.silence_timeout_s * self.rate_hz < PICTURES_IN_SILENCE - TOLERANCE:
+            least_s = PICTURES_IN_SILENCE / self.rate_hz
+            raise ValueError(
+                f"silence_timeout_s: expected at least {least_s:.3g} s, in which {PICTURES_IN_SILENCE} pictures come "
+                f"at rate_hz = {self.rate_hz:g}, got {self.silence_timeout_s:g}: the camera would be started again "
+                "for ever"
+            )
         return self
 
     @property
