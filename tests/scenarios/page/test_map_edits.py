@@ -13,12 +13,29 @@ from tests.scenarios.page.browser import (
     FakeDaemon,
     barriers,
     middle_of_view,
+    pixel,
     show,
     sync_api,
 )
 
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, NEEDS_BROWSER]
 TURNED_DEG = 8.0
+NOTHING = {"to": None, "width_m": None}
+WALL = {
+    **NOTHING,
+    "id": "a1",
+    "kind": "wall",
+    "points_m": [[0.0, 0.0], [1.2, 0.0], [1.2, 1.2]],
+    "width_m": 0.1,
+}
+ERASED = {
+    **NOTHING,
+    "id": "b2",
+    "kind": "erase",
+    "points_m": [[30, 1], [32, 1], [32, 2], [30, 2]],
+    "to": "unknown",
+}
+CROP = {**NOTHING, "id": "c3", "kind": "crop", "points_m": [[-2, -2], [3, -2], [3, 2], [-2, 2]]}
 
 
 def turned_room() -> dict[str, Any]:
@@ -41,7 +58,7 @@ class DaemonWithEdits(FakeDaemon):
 
     METHODS = (
         *FakeDaemon.METHODS, "get_map", "list_map_edits", "edit_map", "undo_map_edit", "redo_map_edit",
-        "turn_map_view", "rename_map", "copy_map",
+        "delete_map_edit", "turn_map_view", "rename_map", "copy_map",
     )  # fmt: skip
     TOPICS = (*FakeDaemon.TOPICS, "map_edits")
     RESULTS: ClassVar[dict[str, Any]] = {
@@ -49,7 +66,7 @@ class DaemonWithEdits(FakeDaemon):
         "get_map": turned_room(),
         "list_maps": {"in_use": "flat", "maps": [{"name": "flat", "in_use": True}]},
         "list_map_edits": {
-            "map": "flat", "revision": "r1", "edits": [{}], "view_angle_rad": 0.0, "can_undo": True, "can_redo": False,
+            "map": "flat", "revision": "r1", "edits": [WALL], "view_angle_rad": 0.0, "can_undo": True, "can_redo": False,
         },
     }  # fmt: skip
 
@@ -87,9 +104,15 @@ def test_a_part_is_erased_a_wall_is_drawn_and_both_are_taken_back(page: Any, edi
     page.get_by_role("button", name="Draw a wall on the map").click()
     page.mouse.click(x - 50, y)
     page.mouse.click(x + 50, y)
+    thin = pixel(page, x, y - 9)
+    page.get_by_role("spinbutton", name="Width").fill("0.25")  # 22 pixels
+    page.wait_for_timeout(100)
+    assert pixel(page, x, y - 9) != thin
+    assert barriers(page) == []
     page.get_by_role("button", name="Done").click()
     wall = edits.last("edit_map")
     assert (wall["kind"], len(wall["points_m"]), "to" in wall) == ("wall", 2, False)
+    assert wall["width_m"] == 0.25
     page.get_by_role("button", name="Undo", exact=True).click()
     assert edits.last("undo_map_edit") == {"map": "flat", "revision": "r1"}
     assert not edits.was_asked("navigate_to")
@@ -123,3 +146,28 @@ def test_a_map_is_renamed_and_kept_once_more(page: Any, edits: DaemonWithEdits) 
         page.wait_for_timeout(100)
         assert edits.last(method) == {"name": "flat", "new_name": "flat in May"}
     sync_api.expect(page.locator("#edit-named")).to_have_text("The map flat is kept as flat in May, too.")
+
+
+def test_each_edit_is_listed_pointed_out_and_taken_off_by_itself(page: Any, edits: DaemonWithEdits) -> None:
+    """1.2 m and 1.2 m of a wall, 2 by 1 m erased, 5 by 4 m kept; the last one first. One that is far off is shown."""
+    listed = {**DaemonWithEdits.RESULTS["list_map_edits"], "edits": [WALL, ERASED, CROP], "revision": "r2"}
+    edits.RESULTS = {**DaemonWithEdits.RESULTS, "list_map_edits": listed}  # type: ignore[misc]
+    edits.say("map_edits", map="flat", revision="r2")
+    what = page.locator("#edits li > span")
+    sync_api.expect(what).to_have_text(["Cropped to 20.0 m²", "Erased to unknown, 2.0 m²", "Wall, 2.4 m"])
+    assert barriers(page) == []
+    x, y = middle_of_view(page)
+    erased = page.get_by_role("button", name="Show on the map: Erased to unknown, 2.0 m²")
+    erased.click()
+    sync_api.expect(erased).to_have_attribute("aria-pressed", "true")
+    sync_api.expect(page.locator("#follow")).not_to_be_checked()
+    scale = 90  # pixels a metre: it fits
+    assert page.evaluate("() => [...document.querySelectorAll('.point-out[aria-pressed=true]')].length") == 1
+    pointed = pixel(page, x - scale, y)  # its left edge
+    assert pointed[2] > pointed[0] + 60  # blue
+    erased.click()
+    sync_api.expect(erased).to_have_attribute("aria-pressed", "false")
+    page.wait_for_timeout(100)
+    assert pixel(page, x - scale, y) != pointed
+    page.get_by_role("button", name="Delete: Wall, 2.4 m").click()
+    assert edits.last("delete_map_edit") == {"id": "a1", "map": "flat", "revision": "r2"}

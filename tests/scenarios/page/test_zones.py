@@ -12,6 +12,7 @@ from tests.scenarios.page.browser import (
     pixel,
     show,
     sync_api,
+    until,
 )
 
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, NEEDS_BROWSER]
@@ -24,6 +25,14 @@ STAIRS = {
     "points_m": [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]],
     "max_speed_m_s": None,
     "width_m": None,
+}
+WALL = {
+    **STAIRS,
+    "id": "77aa",
+    "kind": "wall",
+    "name": "rope",
+    "points_m": [[-1.0, 1.0], [1.0, 1.0]],
+    "width_m": 0.2,
 }
 
 
@@ -97,6 +106,92 @@ def test_a_slow_area_is_drawn_by_three_clicks(page: Any, zones: DaemonWithZones,
     assert not zones.was_asked("navigate_to")
     page.mouse.click(x + 60, y + 60)
     assert zones.was_asked("navigate_to")
+
+
+def test_a_zone_says_how_large_it_is_and_is_pointed_out(page: Any, zones: DaemonWithZones) -> None:
+    """1 m by 1 m; its edge is blue while its button is pressed, and what is in sight is not moved."""
+    sync_api.expect(page.locator("#zones li .small")).to_have_text("not to be entered, 1.0 m²")
+    x, y = middle_of_view(page)
+    before = pixel(page, x + 45, y + 20)
+    button = page.get_by_role("button", name="Show stairs on the map")
+    button.click()
+    sync_api.expect(button).to_have_attribute("aria-pressed", "true")
+    page.wait_for_timeout(100)
+    red, _, blue = pixel(page, x + 45, y + 20)
+    assert blue > red + 60
+    sync_api.expect(page.locator("#follow")).to_be_checked()
+    assert barriers(page) == []
+    button.click()
+    page.wait_for_timeout(100)
+    assert pixel(page, x + 45, y + 20) == before
+
+
+def test_a_wall_is_as_wide_as_is_chosen_and_keeps_its_width(page: Any, zones: DaemonWithZones) -> None:
+    """A new one by the number that is written; one that is changed has the width that it had."""
+    page.get_by_role("button", name="Draw a wall").click()
+    x, y = middle_of_view(page)
+    page.mouse.click(x - 50, y)
+    page.mouse.click(x + 50, y)
+    page.get_by_role("spinbutton", name="Width").fill("0.3")
+    page.get_by_role("button", name="Done").click()
+    assert zones.last("save_zone")["width_m"] == 0.3
+    zones.RESULTS = {**zones.RESULTS, "list_zones": {**zones.RESULTS["list_zones"], "zones": [WALL]}}  # type: ignore[misc]
+    zones.say("zones", map="flat", revision="r2")
+    page.get_by_role("button", name="Change rope").click()
+    sync_api.expect(page.get_by_role("spinbutton", name="Width")).to_have_value("0.2")
+    page.get_by_label("Name", exact=True).fill("red rope")
+    page.get_by_role("button", name="Done").click()
+    assert until(lambda: zones.last("save_zone")["name"] == "red rope")
+    assert zones.last("save_zone")["width_m"] == 0.2
+
+
+ROOM = """() => Object.fromEntries(["main", "#room", "#zone-drawing"].map((part) => {
+  const { x, y, width, height } = document.querySelector(part).getBoundingClientRect();
+  return [part, [x, y, width, height].map(Math.round)]; }))"""
+
+
+SIZES = [
+    (1280, 800, 0.6),
+    (1200, 800, 0.6),
+    (1030, 700, 0.5),
+    (390, 844, 0.85),
+    (844, 390, 0.7),
+    (683, 384, 0.65),
+]
+
+
+@pytest.mark.parametrize(("width", "height", "share"), SIZES)
+@pytest.mark.parametrize("kind", ["Draw a slow area", "Draw a wall"])
+def test_while_a_zone_is_drawn_the_map_has_its_room(
+    page: Any, served: str, kind: str, width: int, height: int, share: float
+) -> None:
+    """At least this share of what is between header and stops; the bar covers nothing of it, and moves nothing."""
+    page.set_viewport_size({"width": width, "height": height})
+    daemon = DaemonWithZones(page)
+    daemon.opened(served)
+    daemon.say("localization", state="localized", map="flat", reason="", fit=0.9)
+    show(page, "map")
+    button = page.get_by_role("button", name=kind)
+    button.click()
+    page.wait_for_timeout(400)  # until a sheet is gone
+    before = page.evaluate(ROOM)
+    (_, _, whole_width, whole_height), (_, room_y, room_width, room_height) = before["main"], before["#room"]
+    assert room_width * room_height >= share * whole_width * whole_height
+    bar_x, bar_y, bar_width, bar_height = before["#zone-drawing"]
+    assert bar_y >= room_y + room_height
+    assert bar_x >= 0
+    assert bar_x + bar_width <= width
+    assert bar_height <= 104
+    assert page.evaluate("() => document.querySelector('#bars').scrollWidth <= innerWidth")
+    x, y = middle_of_view(page)
+    for dx, dy in [(-60, 0), (60, 0), (0, -60), (0, -60)]:  # the last one picks a corner up
+        page.mouse.click(x + dx, y + dy)
+        assert page.evaluate(ROOM) == before
+    sync_api.expect(page.locator("#zone-told")).to_have_text("Touch where this corner goes.")
+    assert barriers(page) == []
+    page.get_by_role("button", name="Draw nothing").click()
+    sync_api.expect(page.locator("#zone-drawing")).to_be_hidden()
+    sync_api.expect(button).to_be_focused()
 
 
 def test_a_corner_is_moved_by_two_clicks(page: Any, zones: DaemonWithZones) -> None:

@@ -7,6 +7,7 @@ import { t, translate } from "../../language.js";
 import { refusal, sentence } from "../../words.js";
 import { inflate } from "../maps/grid.js";
 import { Drawing } from "../zones/drawing.js";
+import { Highlight, sizeOf } from "../zones/shapes.js";
 import { findAngle } from "./straighten.js";
 
 const HTML = `
@@ -18,6 +19,7 @@ const HTML = `
     <button type="button" id="edit-wall" data-t="map_edits.draw_wall"></button>
     <button type="button" id="edit-crop" data-t="map_edits.crop"></button>
   </div>
+  <ul id="edits" class="plain"></ul>
   <p><label><input type="checkbox" id="edit-unknown"> <span data-t="map_edits.to_unknown"></span></label></p>
   <div class="buttons">
     <button type="button" id="edit-undo" data-t="map_edits.undo"></button>
@@ -42,6 +44,7 @@ export default class MapEdits {
   #revision;
   #angle = 0;
   #mayDraw = false;
+  #mayDelete = false;
 
   constructor({ connection, ask, say, view, panels, section }) {
     Object.assign(this, { connection, ask, say, view, section });
@@ -51,12 +54,13 @@ export default class MapEdits {
     const kinds = {
       box: { least: 2, most: 2, what: t("map_edits.touch_box") },
       area: { least: 3, what: t("map_edits.touch_area") },
-      wall: { least: 2, what: t("map_edits.touch_wall") },
+      wall: { least: 2, what: t("map_edits.touch_wall"), hasWidth: true },
       crop: { least: 2, most: 2, what: t("map_edits.touch_crop") },
     };
     this.drawing = new Drawing(view, panels, (drawn) => this.#edit(drawn), { prefix: "draft", kinds, isNamed: false });
     const draft = view.addLayer("edit-draft", "", (c) => this.#paint(c), { order: 32, isInLegend: false });
     draft.setKnown(true);
+    this.highlight = new Highlight(view, "edit-pointed");
     connection.on("localization", ({ map }) => this.#use(map));
     connection.on("map_edits", ({ map, revision }) => { if (map === this.#map && revision !== this.#revision) this.#list(true); });
     connection.addEventListener("closed", () => { this.#revision = undefined; });
@@ -72,6 +76,7 @@ export default class MapEdits {
 
   begin(can) {
     this.#mayDraw = can.has("method.edit_map");
+    this.#mayDelete = can.has("method.delete_map_edit");
     this.section.hidden = !this.#mayDraw || !can.has("method.list_map_edits");
     $("edit-names").hidden = !can.has("method.rename_map");
     this.#map = null;
@@ -98,12 +103,28 @@ export default class MapEdits {
 
   #show({ edits, revision, view_angle_rad, can_undo, can_redo }) {
     this.#revision = revision;
+    this.highlight.keep(edits);
+    $("edits").replaceChildren(...edits.map((edit) => this.#row(edit)).reverse()); // the one that was drawn last is the first
     for (const id of [...KINDS, "angle", "straighten", "rename", "copy"]) $(`edit-${id}`).disabled = !this.#map;
     $("edit-undo").hidden = !can_undo;
     $("edit-redo").hidden = !can_redo;
     text("edits-told", this.#map ? t("map_edits.count", { count: edits.length }) : t("map_edits.no_map"));
     $("edit-angle").value = (view_angle_rad * 180) / Math.PI;
     this.#turn(view_angle_rad);
+  }
+
+  // One edit: what it is, a button that points it out, and one that takes it off the map.
+  #row(edit) {
+    const what = t(`map_edits.about.${edit.kind === "erase" ? edit.to : edit.kind}`, { size: sizeOf(edit) });
+    const row = element("li", "", { className: "row" });
+    row.append(element("span", what), this.highlight.button(edit, t("map_edits.show_edit", { edit: what })));
+    if (this.#mayDelete) {
+      const remove = element("button", t("map_edits.delete"), { type: "button" });
+      remove.setAttribute("aria-label", t("map_edits.delete_edit", { edit: what }));
+      remove.addEventListener("click", () => this.#change("delete_map_edit", { id: edit.id }));
+      row.append(remove);
+    }
+    return row;
   }
 
   // The map is shown so; it is kept when the slider is let go.
@@ -113,11 +134,11 @@ export default class MapEdits {
     this.view.setAngle(angle_rad);
   }
 
-  async #edit({ kind, points_m }) {
+  async #edit({ kind, points_m, width_m }) {
     const corners = RECTANGLES.includes(kind) ? this.#rectangle(points_m) : points_m;
     const isErased = kind === "box" || kind === "area";
     const to = $("edit-unknown").checked ? "unknown" : "free";
-    await this.#change("edit_map", { kind: isErased ? "erase" : kind, points_m: corners, ...(isErased ? { to } : {}) });
+    await this.#change("edit_map", { kind: isErased ? "erase" : kind, points_m: corners, ...(isErased ? { to } : {}), ...(kind === "wall" ? { width_m } : {}) });
   }
 
   // The corners of a rectangle that stands straight in the view, by two that lie opposite.
@@ -175,9 +196,9 @@ export default class MapEdits {
 
   #paint(c) {
     const { scale } = this.view;
-    for (const { kind, points_m } of this.drawing.drafts) {
+    for (const { kind, points_m, width_m } of this.drawing.drafts) {
       c.strokeStyle = c.fillStyle = this.view.colour("accent");
-      c.lineWidth = 2 / scale;
+      c.lineWidth = kind === "wall" ? Math.max(width_m, 2 / scale) : 2 / scale;
       const corners = RECTANGLES.includes(kind) && points_m.length === 2 ? this.#rectangle(points_m) : points_m;
       c.beginPath();
       for (const [x, y] of corners) c.lineTo(x, y);

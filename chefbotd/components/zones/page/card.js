@@ -5,6 +5,7 @@ import { $, element, text } from "../../dom.js";
 import { t, translate } from "../../language.js";
 import { full, refusal, sentence } from "../../words.js";
 import { Drawing } from "./drawing.js";
+import { Highlight, sizeOf } from "./shapes.js";
 
 const HTML = `
   <h2 id="zones-title" data-t="zones.title"></h2>
@@ -32,6 +33,7 @@ export default class Zones {
     this.zones = [];
     this.layer = view.addLayer("zones", t("zones.layer"), (c) => this.#paint(c, this.#drawn()), { order: 30 });
     const draft = view.addLayer("zone-draft", t("zones.layer_draft"), (c) => this.#paint(c, this.drawing.drafts), { order: 31, isInLegend: false });
+    this.highlight = new Highlight(view, "zone-pointed");
     draft.setKnown(true); // also where zones are switched off
     connection.on("localization", ({ map }) => this.#use(map));
     connection.on("zones", ({ map, revision }) => { if (map === this.#map && revision !== this.#revision) this.#list(); });
@@ -67,6 +69,7 @@ export default class Zones {
   #show({ zones, revision, can_undo }) {
     this.zones = zones;
     this.#revision = revision;
+    this.highlight.keep(zones);
     $("zones").replaceChildren(...zones.map((zone) => this.#row(zone)));
     $("zones-none").hidden = zones.length > 0;
     text("zones-none", t(this.#map ? "zones.none" : "zones.no_map"));
@@ -82,7 +85,9 @@ export default class Zones {
     const box = element("input", "", { type: "checkbox", checked: zone.enabled, disabled: !this.#mayDraw });
     box.addEventListener("change", () => this.#save({ ...zone, enabled: box.checked }));
     label.append(box, ` ${nameOf(zone)}`);
-    row.append(label, element("span", t(`zones.means.${zone.kind}`, zone), { className: "small" }));
+    const about = t("zones.about", { means: t(`zones.means.${zone.kind}`, zone), size: sizeOf(zone) });
+    row.append(label, element("span", about, { className: "small" }));
+    row.append(this.highlight.button(zone, t("zones.show_zone", { zone: nameOf(zone) })));
     if (this.#mayDraw) {
       const change = element("button", t("zones.change"), { type: "button" });
       change.setAttribute("aria-label", t("zones.change_zone", { zone: nameOf(zone) }));

@@ -5,14 +5,18 @@ import { $, element, text } from "../../dom.js";
 import { t, translate } from "../../language.js";
 
 const HTML = (prefix) => `
-  <p id="${prefix}-told" role="status"></p>
-  <label id="${prefix}-name-label"><span data-t="zones.name"></span> <input id="${prefix}-name" maxlength="100" autocomplete="off"></label>
-  <label id="${prefix}-speed-label"><span data-t="zones.speed"></span> <input id="${prefix}-speed" type="number" min="0.01" max="10" step="any" required> m/s</label>
-  <button type="submit" class="wanted" id="${prefix}-done" data-t="zones.done"></button>
-  <button type="button" id="${prefix}-back" data-t="zones.corner_back"></button>
-  <button type="button" id="${prefix}-no" data-t="zones.no"></button>`;
+  <p id="${prefix}-told" role="status" tabindex="-1"></p>
+  <label id="${prefix}-name-label"><span data-t="zones.name"></span> <input id="${prefix}-name" maxlength="100" autocomplete="off" data-t-placeholder="zones.name"></label>
+  <label id="${prefix}-speed-label"><span data-t="zones.speed"></span> <input id="${prefix}-speed" type="number" min="0.01" max="10" step="any" required data-t-title="zones.speed"> m/s</label>
+  <label id="${prefix}-width-label"><span data-t="zones.width"></span> <input id="${prefix}-width" type="number" min="0.01" max="5" step="any" required data-t-title="zones.width"> m</label>
+  <span class="ends">
+    <button type="submit" class="wanted" id="${prefix}-done" data-t="zones.done"></button>
+    <button type="button" id="${prefix}-back" data-t-aria-label="zones.corner_back" data-t-title="zones.corner_back"><svg viewBox="0 0 24 24" aria-hidden="true"><path d="M9 5l-5 5 5 5M4 10h10a6 6 0 0 1 0 12h-3"/></svg></button>
+    <button type="button" id="${prefix}-no" data-t-aria-label="zones.leave" data-t-title="zones.leave"><svg viewBox="0 0 24 24" aria-hidden="true"><path d="M6 6l12 12M18 6L6 18"/></svg></button>
+  </span>`;
 const PICKED_PX = 24;
-const ZONES = { keep_out: { least: 3 }, slow: { least: 3, hasSpeed: true }, wall: { least: 2 } };
+const ZONES = { keep_out: { least: 3 }, slow: { least: 3, hasSpeed: true }, wall: { least: 2, hasWidth: true } };
+const [SPEED_M_S, WIDTH_M] = [0.1, 0.05];
 
 export class Drawing {
   #kind = null;
@@ -21,22 +25,26 @@ export class Drawing {
   #enabled = true;
   #picked = null; // the corner that goes where the next click is
   #held = null; // what the view did before
+  #back = null; // what had the focus before
 
-  // ``kinds`` say of each how many corners it needs at ``least`` and at ``most``, and ``what`` to do. ``prefix`` begins the ids.
+  // ``kinds`` say of each how many corners it needs at ``least`` and at ``most``, ``what`` to do, and whether it ``hasSpeed`` or
+  // ``hasWidth``. ``prefix`` begins the ids.
   constructor(view, panels, use, { prefix = "zone", kinds = ZONES, isNamed = true } = {}) {
     Object.assign(this, { view, panels, prefix, kinds });
-    this.form = element("form", "", { id: `${prefix}-drawing`, className: "overlay drawing row", hidden: true, innerHTML: HTML(prefix) });
+    this.form = element("form", "", { id: `${prefix}-drawing`, className: "drawing", hidden: true, innerHTML: HTML(prefix) });
     translate(this.form);
-    view.addOverlay(this.form);
+    view.addBar(this.form);
     this.isNamed = isNamed;
     if (!isNamed) for (const part of ["name-label", "speed-label"]) this.#of(part).remove();
     this.#of("back").addEventListener("click", () => { this.#points = this.#points.slice(0, -1); this.#picked = null; this.#show(); });
+    this.#of("width").addEventListener("input", () => view.draw());
     this.#of("no").addEventListener("click", () => this.end());
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
       const zone = { kind: this.#kind, name: isNamed ? this.#of("name").value.trim() : "", enabled: this.#enabled, points_m: this.#points };
       if (this.#id !== undefined) zone.id = this.#id;
       if (kinds[this.#kind].hasSpeed) zone.max_speed_m_s = Number(this.#of("speed").value);
+      if (kinds[this.#kind].hasWidth) zone.width_m = this.#width();
       this.end();
       use(zone);
     });
@@ -44,7 +52,7 @@ export class Drawing {
 
   // What is being drawn, as a list of none or one.
   get drafts() {
-    return this.#kind === null ? [] : [{ kind: this.#kind, points_m: this.#points, isDraft: true, picked: this.#picked }];
+    return this.#kind === null ? [] : [{ kind: this.#kind, points_m: this.#points, width_m: this.#width(), isDraft: true, picked: this.#picked }];
   }
 
   // The id of the zone that is being changed.
@@ -53,8 +61,9 @@ export class Drawing {
   }
 
   // A new zone of this kind, or one that is to be changed.
-  begin(kind, { id, name = "", enabled = true, points_m = [], max_speed_m_s = 0.1 } = {}) {
+  begin(kind, { id, name = "", enabled = true, points_m = [], max_speed_m_s, width_m } = {}) {
     this.end();
+    this.#back = document.activeElement;
     const { view } = this;
     const { onPose, onProposal, gesture } = view;
     view.gestures.cancel();
@@ -70,12 +79,14 @@ export class Drawing {
     };
     if (this.isNamed) {
       this.#of("name").value = name;
-      this.#of("speed").value = max_speed_m_s ?? 0.1;
-      this.#of("speed-label").hidden = this.#of("speed").disabled = !this.kinds[kind].hasSpeed;
+      this.#offer("speed", this.kinds[kind].hasSpeed, max_speed_m_s ?? SPEED_M_S);
     }
+    this.#offer("width", this.kinds[kind].hasWidth, width_m ?? WIDTH_M);
     this.form.hidden = false;
     this.panels.fold(true);
     this.#show();
+    this.view.measure(); // a corner may be put at once
+    this.#of("told").focus({ preventScroll: true });
   }
 
   end() {
@@ -86,7 +97,18 @@ export class Drawing {
     this.#held = this.#kind = null;
     this.form.hidden = true;
     this.panels.fold(false);
+    this.#back?.focus({ preventScroll: true });
     this.view.draw();
+  }
+
+  #offer(part, isOffered, value) {
+    this.#of(part).value = value;
+    this.#of(`${part}-label`).hidden = this.#of(part).disabled = !isOffered;
+  }
+
+  // As it is written; while it is no width yet, that of a wall that says nothing of it.
+  #width() {
+    return this.#of("width").validity.valid ? Number(this.#of("width").value) : WIDTH_M;
   }
 
   #of(part) {

@@ -60,8 +60,9 @@ export class Panels {
     if (!$(`tab-${name}`)?.hidden) this.#show(name);
   }
 
-  // On an upright phone, leave the map its room while something is drawn on it.
+  // In a small window, leave the map its room while something is drawn on it.
   fold(isFolded) {
+    $("dock").classList.toggle("folded", isFolded);
     this.sheet.follow(!isFolded && this.#open !== NONE);
   }
 

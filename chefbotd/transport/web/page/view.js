@@ -47,7 +47,7 @@ export class View {
       for (const changed of this.onColours) changed();
       this.draw();
     });
-    const sizes = new ResizeObserver(() => this.#measure());
+    const sizes = new ResizeObserver(() => this.measure());
     for (const part of [canvas, room, $("pose")]) sizes.observe(part);
     this.gestures = new Gestures(this);
     $("whole-map").addEventListener("click", () => this.showWholeMap());
@@ -74,6 +74,11 @@ export class View {
   // What lies over the map for a while, such as a question about a point that was touched.
   addOverlay(overlay) {
     $("overlays").append(overlay);
+  }
+
+  // A bar of its own room below the map, for while something is done on the map.
+  addBar(bar) {
+    $("bars").append(bar);
   }
 
   // A colour of the page's style sheets by the name of its variable, as the scheme has it.
@@ -146,20 +151,36 @@ export class View {
 
   // All that is known of the map, with a margin; the robot is not followed any more.
   showWholeMap() {
-    const corners = this.#bounds()?.map((corner) => turned(corner, this.angle));
-    if (!corners) return;
+    const corners = this.#bounds();
+    if (corners) this.#fit(corners, MAX_SCALE);
+  }
+
+  // These points in metres. What is shown moves only where one of them is out of sight, and gets smaller only where they do not fit.
+  showPoints(points) {
+    const [across, up] = this.size.map((size) => (WHOLE * size) / 2 / this.scale);
+    const isSeen = ([x, y]) => {
+      const [right, above] = turned([x - this.centre[0], y - this.centre[1]], this.angle);
+      return Math.abs(right) < across && Math.abs(above) < up;
+    };
+    if (points.every(isSeen)) this.draw();
+    else this.#fit(points, this.scale);
+  }
+
+  #fit(points, mostScale) {
+    const corners = points.map((corner) => turned(corner, this.angle));
     const [left, right, bottom, top] = [0, 1].flatMap((axis) => [Math.min, Math.max].map((most) => most(...corners.map((corner) => corner[axis]))));
     this.setFollow(false);
     this.centre = turned([(left + right) / 2, (bottom + top) / 2], -this.angle);
     const covered_px = this.size[0] < NARROW_PX ? TOOLS_PX : 0;
     const fits = Math.min((this.size[0] - covered_px) / (right - left), this.size[1] / (top - bottom));
-    this.scale = Math.max(MIN_SCALE, Math.min(MAX_SCALE, WHOLE * fits));
+    this.scale = Math.max(MIN_SCALE, Math.min(mostScale, WHOLE * fits));
     const [dx, dy] = this.toStep(covered_px / 2, 0);
     this.centre = [this.centre[0] + dx, this.centre[1] + dy];
     this.draw();
   }
 
-  #measure() {
+  // How large what nothing covers is, and where; by itself it is measured with the next frame.
+  measure() {
     const [canvas, room] = [this.canvas.getBoundingClientRect(), this.room.getBoundingClientRect()];
     this.size = [room.width, room.height];
     this.middle = [room.left - canvas.left + room.width / 2, room.top - canvas.top + room.height / 2];
