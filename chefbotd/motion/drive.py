@@ -13,7 +13,7 @@ from typing import TypeAlias
 from chefbotd.core.geometry import Motion, WheelDuties, WheelVelocities
 from chefbotd.core.record import replace
 from chefbotd.motion import held, pid, reference
-from chefbotd.motion.drive_state import DriveParameters, DriveState
+from chefbotd.motion.drive_state import MAX_STEP_S, SATURATION_RECOVERY_PER_S, DriveParameters, DriveState
 from chefbotd.motion.encoder import LOST_LINES_S
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import MotionLimits
@@ -177,7 +177,7 @@ class Drive:
             gains = self._towards(state)
             accelerations = self._accelerations(gains, reached_m_s, state, cycle_s)
         speeds_m_s = self._kinematics.rims_at_m_s(velocity_rad_s)
-        is_silent, dt_s = dt_s > LOST_LINES_S, min(dt_s, self._parameters.max_step_s)
+        is_silent, dt_s = dt_s > LOST_LINES_S, min(dt_s, MAX_STEP_S)
         steady_s, shares = 0.0, (1.0, 1.0)
         if measured_over_s > 0:
             asked_m_s = reference.mean_m_s(history, measured_over_s, delay_s)
@@ -294,7 +294,7 @@ class Drive:
         self, state: DriveState, outputs: Sequence[float], speeds_m_s: Sequence[float], dt_s: float
     ) -> float:
         """Slow the whole twist while any wheel cannot keep up with its part of it."""
-        change = self._parameters.saturation_recovery_per_s
+        change = SATURATION_RECOVERY_PER_S
         wheels = zip(self._gains, outputs, state.setpoint_m_s, speeds_m_s, strict=True)
         for gains, output, setpoint, speed in wheels:
             saturated = not -gains.output_limit < output < gains.output_limit

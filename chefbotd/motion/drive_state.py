@@ -1,6 +1,7 @@
 """Parameters and state of the wheels' controller."""
 
 from collections.abc import Mapping
+from typing import Any, ClassVar, Final
 
 from msgspec import field
 from pydantic import Field
@@ -14,6 +15,12 @@ from chefbotd.motion.pid import PidState
 
 LOADED_SHARE = 0.9
 """``max_rim_speed_m_s`` is what a wheel reaches under load; free it is faster by a tenth (0.34 of 0.377 m/s)."""
+
+MAX_STEP_S: Final = 0.1
+"""The longest time that one step of the controller accounts for: twice the slowest published sketch's cycle, 50 ms."""
+
+SATURATION_RECOVERY_PER_S: Final = 0.5
+"""How fast a twist that was slowed for a saturated wheel is given back, as a share per second; assumed."""
 
 
 class DriveParameters(Parameters):
@@ -39,10 +46,16 @@ class DriveParameters(Parameters):
     setpoint only. The duty is multiplied by ``motor_voltage_v``, the battery's voltage at which the models hold, over
     the present one (None: it is not).
 
-    ``max_step_s`` is the longest time that one step accounts for. A wheel that lags behind while its duty saturates
-    slows the twist by ``saturation_slowdown_per_s`` (share of the twist per second), so that the others do not bend
-    the path. ``saturation_recovery_per_s`` gives it back.
+    A wheel that lags behind while its duty saturates slows the twist by ``saturation_slowdown_per_s`` (share of the
+    twist per second), so that the others do not bend the path.
     """
+
+    retired: ClassVar[Mapping[str, Any]] = {
+        "max_step_s": MAX_STEP_S,
+        "longest_step_s": MAX_STEP_S,
+        "saturation_recovery_per_s": SATURATION_RECOVERY_PER_S,
+        "regain_per_s": SATURATION_RECOVERY_PER_S,
+    }
 
     max_rim_speed_m_s: float = Field(default=0.35, gt=0, le=10)
     max_duty: int = Field(default=255, ge=1, le=32_767)
@@ -55,11 +68,7 @@ class DriveParameters(Parameters):
     """The integral acts in full once all setpoints have been steady for so long; 0: always."""
     motors: Mapping[str, WheelMotor] = {}
     motor_voltage_v: float | None = Field(default=None, gt=0, le=100)
-    max_step_s: float = Field(default=0.1, gt=0, le=1)
-    """The longest time that one step of the controller accounts for."""
     saturation_slowdown_per_s: float = Field(default=2.0, ge=0, le=100)
-    saturation_recovery_per_s: float = Field(default=0.5, gt=0, le=100)
-    """How fast a twist that was slowed for a saturated wheel is given back, as a share per second."""
 
 
 class DriveState(Record, frozen=True):

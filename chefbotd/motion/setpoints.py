@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from chefbotd.core.geometry import STANDING, Motion, Twist2D, WheelVelocities
 from chefbotd.core.record import replace
 from chefbotd.motion import pid, rims
-from chefbotd.motion.drive_state import DriveParameters, DriveState
+from chefbotd.motion.drive_state import MAX_STEP_S, DriveParameters, DriveState
 from chefbotd.motion.kinematics import Kinematics
 from chefbotd.motion.limits import LimiterState, MotionLimits, limit
 
@@ -65,7 +65,7 @@ class Setpoints:
     def step(self, state: DriveState, target: Motion, now_s: float, apart: bool) -> DriveState:
         """The state with the present setpoints; ``apart``: the path has no curvature to keep."""
         elapsed_s = 0.0 if state.stepped_s is None else max(0.0, now_s - state.stepped_s)
-        dt_s = min(elapsed_s, self._parameters.max_step_s)
+        dt_s = min(elapsed_s, MAX_STEP_S)
         if is_rest(target):
             state = replace(state, pids=tuple([pid.let_go(wheel) for wheel in state.pids]))
         if state.wheels_differ or isinstance(target, WheelVelocities):

@@ -158,9 +158,7 @@ _RENAMED = {
     },
     "depth_camera": {"silent_s": "silence_timeout_s"},
     "drive": {
-        "longest_step_s": "max_step_s",
         "yield_per_s": "saturation_slowdown_per_s",
-        "regain_per_s": "saturation_recovery_per_s",
     },
     "encoders": {"slack_counts": "tolerance_counts"},
     "infrared": {"longest_gap_s": "max_gap_s"},

@@ -167,10 +167,8 @@ async def simulated_robot(
 
 def _in_memory(lidar: SpinningLidar, board: BoardRunner, settings: Settings) -> SimulatedLidar:
     device = FakeSerialDevice()
-    handover_s, seed = sim_of(settings).lidar.handover_s, sim_of(settings).seed
-    runner = LidarRunner(
-        lidar, board, lambda data: device.feed(data), LoopClock(), handover_s=handover_s, seed=seed
-    )
+    seed = sim_of(settings).seed
+    runner = LidarRunner(lidar, board, lambda data: device.feed(data), LoopClock(), seed=seed)
     device.on_write = runner.receive
     return SimulatedLidar(device, runner)
 

@@ -9,6 +9,7 @@ from enum import StrEnum
 
 from chefbotd.clock import Clock
 from chefbotd.components.simulation.board import BoardRunner
+from chefbotd.components.simulation.parameters.simulation import HANDOVER_S
 from chefbotd.components.simulation.spinning import SpinningLidar
 
 BITS_A_BYTE = 10
@@ -112,11 +113,9 @@ class LidarRunner:
         send: Callable[[bytes], None],
         clock: Clock,
         *,
-        handover_s: float = 0.01,
         seed: int = 0,
     ) -> None:
         self._lidar, self._board, self._send, self._clock = lidar, board, send, clock
-        self._handover_s = handover_s
         self._line = LidarLine(seed, lidar.turn_packets)
 
     @property
@@ -147,7 +146,7 @@ class LidarRunner:
         """Measure and send until cancelled."""
         while True:
             now_s = self._board.board_s()
-            due_s = (math.floor(now_s / self._handover_s + 1e-6) + 1) * self._handover_s
+            due_s = (math.floor(now_s / HANDOVER_S + 1e-6) + 1) * HANDOVER_S
             await asyncio.sleep(due_s - now_s)
             self._send_what_has_left()
 

@@ -29,7 +29,12 @@ from chefbotd.components.simulation.axles import (
     tyre_damping,
 )
 from chefbotd.components.simulation.chassis import PUBLISHED, Chassis, Scrub
-from chefbotd.components.simulation.parameters.motor import GRAVITY_M_S2, MotorParameters, SimBodyParameters
+from chefbotd.components.simulation.parameters.motor import (
+    GRAVITY_M_S2,
+    STATIC_TO_KINETIC_FRICTION,
+    MotorParameters,
+    SimBodyParameters,
+)
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.record import Record
 
@@ -104,7 +109,7 @@ class Plant:
         tyres = tyre_damping(chassis, body.grip * load_n)
         self._driven = by_direction(inertia, viscous + magnetic, step_s, chassis, tyres)
         self._coasting = by_direction(inertia, viscous, step_s, chassis, tyres)
-        self._static_to_kinetic = motor.static_to_kinetic_friction
+        self._static_to_kinetic = STATIC_TO_KINETIC_FRICTION
         rolling_n = body.rolling_resistance * load_n
         self._kinetic_n_m = [motor.dry_friction_n_m + rolling_n * radius_m for radius_m in radii_m]
         self._spinning_n_m = [body.grip * load_n * radius_m for radius_m in radii_m]

@@ -177,10 +177,7 @@ class PluggedLidars:
                 suffix = name if PLAIN.fullmatch(name) else str(number)
                 self.devices[name] = board_path.with_name(f"{board_path.name}-{suffix}")
             pty = self._ptys[name] = PtyBoard(self._receiver(name), self.devices.get(name))
-            handover_s = simulation.parameters.lidar.handover_s
-            self.runners[name] = LidarRunner(
-                lidar, board, pty.send, clock, handover_s=handover_s, seed=number
-            )
+            self.runners[name] = LidarRunner(lidar, board, pty.send, clock, seed=number)
 
     def _receiver(self, name: str) -> Callable[[bytes], None]:
         return lambda data: self.runners[name].receive(data)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from chefbotd.components.simulation.arrays import Vector
-from chefbotd.components.simulation.parameters.simulation import LidarFlaws
+from chefbotd.components.simulation.parameters.simulation import GLASS_SQUARE, WOBBLE_S, LidarFlaws
 from chefbotd.components.simulation.scene import Scene
 from chefbotd.components.simulation.world import RayCaster, to_discs_m
 from chefbotd.components.simulation.worlds.building import Material
@@ -55,7 +55,7 @@ class Sight:
             range_m, intensity[nearer] = np.where(nearer, to_disc_m, range_m), BRIGHT
         if self._glass is not None:
             pane = self._glass.cast(origins, bearings_rad)
-            mirrors = (pane.range_m < range_m) & (pane.square >= self._flaws.glass_square)
+            mirrors = (pane.range_m < range_m) & (pane.square >= GLASS_SQUARE)
             range_m, intensity[mirrors] = np.where(mirrors, pane.range_m, range_m), GLINT
         return BeamReturns(range_m, intensity)
 
@@ -199,7 +199,7 @@ class SpinningLidar(ABC):
     def _turned(self, at_s: Vector) -> Vector:
         """The number of turns of the motor so far."""
         running_s = np.minimum(at_s, self._stalled_at_s) - self._stalled_s
-        pace = math.tau / self._flaws.wobble_s
+        pace = math.tau / WOBBLE_S
         wobble_s = self._flaws.rate_wobble_share / pace * (1 - np.cos(pace * running_s))
         turned: Vector = self._first_turn + self._rate_hz * (running_s + wobble_s)
         return turned

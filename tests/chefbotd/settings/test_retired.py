@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import pytest
 
 from chefbotd.core.parameters import Parameters, section
-from chefbotd.settings import SettingsError, load, packaged
+from chefbotd.settings import Settings, SettingsError, load, packaged
 from chefbotd.settings.retired import RetiredKey, advice_of, drop_retired
 
 
@@ -86,3 +86,30 @@ def test_a_file_with_a_retired_key_gets_a_sentence(tmp_path: Path, value: str) -
         SettingsError, match=r"mapping\.slam: unknown key, which earlier versions had: now its values"
     ):
         load(path)
+
+
+@pytest.mark.parametrize(
+    ("path", "constant"),
+    [
+        ("drive.max_step_s", 0.1),
+        ("drive.longest_step_s", 0.1),
+        ("drive.saturation_recovery_per_s", 0.5),
+        ("drive.regain_per_s", 0.5),
+        ("sim.motor.static_to_kinetic_friction", 1.3),
+        ("sim.lidar.wobble_s", 3.0),
+        ("sim.lidar.glass_square", 0.97),
+        ("sim.lidar.handover_s", 0.01),
+    ],
+)
+def test_a_recording_may_hold_a_key_that_nobody_set(path: str, constant: float, tmp_path: Path) -> None:
+    """With the default of then, which is the constant; a file may not, and is told what to do."""
+    *tables, key = path.split(".")
+    values: dict[str, Any] = {key: constant}
+    for name in reversed(tables):
+        values = {name: values}
+    drop_retired(Settings, values)
+    assert key not in str(values)
+    file = tmp_path / "robot.toml"
+    file.write_text(f'extends = "chefbot"\n[{".".join(tables)}]\n{key} = {constant}\n')
+    with pytest.raises(SettingsError, match=f"{path}: unknown key, .* it is always {constant}; remove it"):
+        load(file)

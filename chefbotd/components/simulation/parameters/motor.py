@@ -4,13 +4,17 @@ All quantities are referred to the gearbox's output shaft, which is the wheel's 
 """
 
 import math
-from typing import Self
+from collections.abc import Mapping
+from typing import Any, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
 from chefbotd.core.parameters import Parameters
 
 GRAVITY_M_S2 = 9.80665
+
+STATIC_TO_KINETIC_FRICTION: Final = 1.3
+"""How much more a motor that stands is held than one that turns; assumed."""
 
 
 class MotorParameters(Parameters):
@@ -20,6 +24,8 @@ class MotorParameters(Parameters):
     12 V motor of its class (64 counts per turn, 131.25:1 gear). Pulses shorter than ``dead_zone_share`` of the PWM's
     period do not switch the bridge (assumed).
     """
+
+    retired: ClassVar[Mapping[str, Any]] = {"static_to_kinetic_friction": STATIC_TO_KINETIC_FRICTION}
 
     rated_voltage_v: float = Field(12.0, gt=0, le=60)
     """The voltage for which the data sheet's numbers hold."""
@@ -33,8 +39,6 @@ class MotorParameters(Parameters):
     """The torque of a motor that is held."""
     dry_friction_share: float = Field(0.8, ge=0, le=1)
     """The share of the losses without a load that is dry friction (the rest grows with the speed)."""
-    static_to_kinetic_friction: float = Field(1.3, ge=1, le=3)
-    """How much more a motor that stands is held than one that turns."""
     rotor_inertia_kg_m2: float = Field(0.012, gt=0, le=10)
     """The inertia of the rotor, as felt at the wheel."""
     dead_zone_share: float = Field(0.02, ge=0, lt=1)

@@ -1,9 +1,10 @@
 """The section ``[sim]`` of a configuration, with people and things in the way, and the flaws of lidars and sensors."""
 
 import math
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Self
+from typing import Any, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
@@ -73,16 +74,31 @@ class ExpressScan(StrEnum):
     ABSENT = "absent"
 
 
+WOBBLE_S: Final = 3.0
+"""The time within which the rate of a lidar's motor varies; assumed."""
+
+GLASS_SQUARE: Final = 0.97
+"""Glass returns a beam whose cosine to the pane's normal is above this, and lets others through; assumed."""
+
+HANDOVER_S: Final = 0.01
+"""How often a lidar's USB converter hands over what has come."""
+
+
 class LidarFlaws(Parameters):
     """An LD19: 4500 points/s at about ten turns a second, with a noise of a centimetre (LDROBOT's data sheet).
 
     The motor's rate is off by ``rate_error_share`` (a standard deviation, drawn once) and varies by
-    ``rate_wobble_share`` within ``wobble_s``; a share of the beams is lost. Glass returns a beam whose cosine to the
-    pane's normal is above ``glass_square``, and lets others through. A black surface is seen from ``black_range_m`` at
-    most. The USB converter hands over what has come every ``handover_s``. The shares, glass and black are assumed.
+    ``rate_wobble_share``; a share of the beams is lost. A black surface is seen from ``black_range_m`` at most. The
+    shares and black are assumed.
     ``height_m`` is the height of a lidar without a ``mount_z_m`` of its own. A ``lone_share`` of the beams shows noise
     instead, as in sunlight: evenly spread over ``lone_range_m``, as bright as ``lone_intensity`` at most.
     """
+
+    retired: ClassVar[Mapping[str, Any]] = {
+        "wobble_s": WOBBLE_S,
+        "glass_square": GLASS_SQUARE,
+        "handover_s": HANDOVER_S,
+    }
 
     turns_per_s: float = Field(10.0, ge=2, le=20)
     """How fast it turns."""
@@ -96,15 +112,11 @@ class LidarFlaws(Parameters):
     """By how much its motor's rate is off, drawn once (a standard deviation)."""
     rate_wobble_share: float = Field(0.004, ge=0, le=0.1)
     """By how much the rate varies."""
-    wobble_s: float = Field(3.0, gt=0, le=100)
-    """The time within which the rate varies."""
     min_range_m: float = Field(0.02, ge=0, le=1)
     """It reads nothing nearer."""
     max_range_m: float = Field(12.0, gt=0, le=60)
     """It reads nothing farther."""
-    glass_square: float = Field(0.97, ge=0, le=1)
     black_range_m: float = Field(4.0, ge=0, le=60)
-    handover_s: float = Field(0.01, ge=0.001, le=0.1)
     express: ExpressScan = ExpressScan.OFFERED
     """Whether an RPLIDAR offers its express scan, promises it without having it, or knows none."""
     height_m: float = Field(0.2, gt=0, le=2.4)
