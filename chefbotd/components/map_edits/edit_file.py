@@ -21,7 +21,7 @@ MOST_STATES: Final = 50
 """So many states are remembered, the present one included."""
 
 LARGEST_BYTES: Final = 200_000
-"""Of the file: it is read and written in the event loop, in some 10 ms."""
+"""Of the file, so that a change takes some 30 ms, in a thread."""
 
 WALL_WIDTH_M: Final = 0.05
 """Of a drawn wall that says nothing of its width: a cell of most maps."""

@@ -74,7 +74,7 @@ class MapEditsService:
         """The edits of a map: what was erased, which walls were drawn, and to what it was cropped."""
         name = self._maps.named(params.map)
         content = await self._file.read(name)
-        edits = _parsed(content, name)
+        edits = await self._file.compute_in_thread(lambda: _parsed(content, name))
         return MapEditList(
             map=name,
             revision=revision_of(content),
@@ -89,14 +89,15 @@ class MapEditsService:
         self, caller: Caller, params: EditMapParams, progress: ProgressReporter
     ) -> MapEditsSaved:
         """Erase a part of a map, draw a wall, or crop the map; paths are planned again at once."""
-        if params.kind != "wall" and (reason := why_no_area(params.outline_m)):
-            raise MapStoreError(
-                RefusalKind.OUT_OF_RANGE, Sentence("map_edits.no_area", "this is no area: {why}", why=reason)
-            )
         saved: MapEditData | None = None
 
         def changed(edits: MapEdits) -> MapEdits:
             nonlocal saved
+            if params.kind != "wall" and (reason := why_no_area(params.outline_m)):
+                raise MapStoreError(
+                    RefusalKind.OUT_OF_RANGE,
+                    Sentence("map_edits.no_area", "this is no area: {why}", why=reason),
+                )
             own, edit = _new_id(edits, params), params.edit()
             saved = edit_data(own, edit)
             return with_edit(edits, own, edit)
@@ -178,18 +179,9 @@ class MapEditsService:
         name = self._maps.named(params.map)
         content = await self._file.read(name)
         self._file.require_revision(content, params.revision)
-        before = _parsed(content, name)
-        try:
-            edits = change(before)
-        except ValueError as error:
-            raise MapStoreError(
-                RefusalKind.OUT_OF_RANGE,
-                Sentence("map_edits.refused", "the map cannot be edited so: {why}", why=error),
-            ) from error
-        is_redrawn = edits.edits() != before.edits()
+        new, is_redrawn = await self._file.compute_in_thread(lambda: _change_content(content, name, change))
         if asks and is_redrawn:
-            await self._examine(name, write_edits(edits))
-        new = write_edits(edits)
+            await self._examine(name, new)
         await self._file.replace(name, content, new)
         revision = revision_of(new)
         self._entries.observe(self._bus, MapEdited(self._clock.now_s(), name, revision))
@@ -222,6 +214,19 @@ def redraw_cells(cells: bytes, extent: Extent, content: bytes) -> bytes:
     if len(plain) != extent.rows * extent.columns:
         raise ValueError(f"{extent.rows} rows of {extent.columns} cells are expected")
     return zlib.compress(draw_edits(plain, extent, edits).shown(), COMPRESSION)
+
+
+def _change_content(content: bytes | None, name: str, change: Change) -> tuple[bytes, bool]:
+    """The file after a change, and whether the map looks different with it."""
+    before = _parsed(content, name)
+    try:
+        edits = change(before)
+    except ValueError as error:
+        raise MapStoreError(
+            RefusalKind.OUT_OF_RANGE,
+            Sentence("map_edits.refused", "the map cannot be edited so: {why}", why=error),
+        ) from error
+    return write_edits(edits), edits.edits() != before.edits()
 
 
 def _parsed(content: bytes | None, name: str) -> MapEdits:

@@ -51,6 +51,10 @@ class DrawnFile:
 
         return await self._entries.outside(finish)
 
+    async def compute_in_thread(self, compute: Callable[[], Result]) -> Result:
+        """Read or write its content out of the loop: YAML of many zones takes a second, in which a stop would wait."""
+        return await self._entries.outside(lambda: asyncio.to_thread(compute))
+
     def require_revision(self, content: bytes | None, revision: str | None) -> None:
         """Raises ``MapStoreError`` where a client has read another content than this."""
         if revision is not None and revision != revision_of(content):

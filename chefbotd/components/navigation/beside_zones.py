@@ -12,7 +12,6 @@ from chefbotd.components.navigation.skill_requests import (
 )
 from chefbotd.components.worker.process import Worker
 from chefbotd.components.zones.service import ZonesService
-from chefbotd.components.zones.zone_file import write_zones
 
 TIMEOUT_S: Final = 20.0
 """It is a moment's work in the worker, which may be at something else."""
@@ -32,6 +31,6 @@ def join_zones(worker: Worker, zones: ZonesService, edits: MapEditsService) -> N
         checked = await worker.request(SKILL, UseZones(), MapChecked, deadline_s=TIMEOUT_S, is_replayed=False)
         return checked.problem
 
-    zones.examine = lambda drawn, places: examine(Examine(dict(places), zones=write_zones(drawn)))
+    zones.examine = lambda drawn, places: examine(Examine(dict(places), zones=drawn))
     edits.examine = lambda drawn, places: examine(Examine(dict(places), edits=drawn))
     zones.use = use

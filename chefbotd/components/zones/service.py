@@ -25,6 +25,8 @@ from chefbotd.components.zones.models import (
     zone_data,
 )
 from chefbotd.components.zones.zone_file import (
+    LARGEST_BYTES,
+    NO_ZONES,
     ZONES,
     ZONES_BEFORE,
     Zones,
@@ -47,7 +49,7 @@ Places = Mapping[str, tuple[float, float]]
 class ZonesService:
     """The zones of stored maps.
 
-    ``examine`` says what these zones would do to the robot, to the places of the map in use and to the way there;
+    ``examine`` says what a file of zones would do to the robot, to the places of the map in use and to the way there;
     ``use`` has navigation read them again, and says why it cannot. Navigation sets both, where there is one.
     """
 
@@ -55,7 +57,8 @@ class ZonesService:
         self._bus, self._clock, self._maps = bus, clock, maps
         self._entries = inputs_of(clock)
         self._file = DrawnFile(clock, maps, ZONES, "zones", ZONES_BEFORE)
-        self.examine: Callable[[Zones, Places], Awaitable[tuple[str, ...]]] | None = None
+        self._parsing, self._parsed = asyncio.Lock(), (b"", NO_ZONES)
+        self.examine: Callable[[bytes, Places], Awaitable[tuple[str, ...]]] | None = None
         self.use: Use | None = None
 
     @method(role=Role.OBSERVE)
@@ -64,7 +67,8 @@ class ZonesService:
         name = self._maps.named(params.map)
         content = await self._file.read(name)
         before = await self._maps.read_beside(name, ZONES_BEFORE)
-        rows = tuple(zone_data(own, zone) for own, zone in _parsed(content, name).named())
+        zones = await self._parse(content, name)
+        rows = tuple(zone_data(own, zone) for own, zone in zones.named())
         return ZoneList(map=name, revision=revision_of(content), zones=rows, can_undo=before is not None)
 
     @method(role=Role.DRIVE, moves=False)
@@ -72,14 +76,14 @@ class ZonesService:
         self, caller: Caller, params: SaveZoneParams, progress: ProgressReporter
     ) -> ZonesSaved:
         """Draw a zone on a map, or change the zone of this id; paths are planned again at once."""
-        if params.kind != "wall" and (reason := why_no_area(params.outline_m)):
-            raise MapStoreError(
-                RefusalKind.OUT_OF_RANGE, Sentence("zones.no_zone", "this is no zone: {why}", why=reason)
-            )
         own = params.id or ""
 
         def changed(zones: Zones, revision: str) -> Zones:
             nonlocal own
+            if params.kind != "wall" and (reason := why_no_area(params.outline_m)):
+                raise MapStoreError(
+                    RefusalKind.OUT_OF_RANGE, Sentence("zones.no_zone", "this is no zone: {why}", why=reason)
+                )
             ids = {name for name, _ in zones.named()}
             if params.id is not None:
                 _require_known(params.id, ids)
@@ -102,15 +106,12 @@ class ZonesService:
         """Draw several new zones on a map, all or none of them; one ``undo_zones`` takes them back."""
 
         def changed(zones: Zones, revision: str) -> Zones:
+            _require_areas(params.zones)
             ids = [_new_id(f"{revision} {number}", shape) for number, shape in enumerate(params.zones)]
             drawn = {own: shape.zone(own) for own, shape in zip(ids, params.zones, strict=True)}
             return _checked(lambda: with_zones(zones, drawn))
 
-        async def add() -> ZonesSaved:
-            await asyncio.to_thread(_require_areas, params.zones)
-            return await self._apply(params, changed, asks=not params.confirmed)
-
-        return await self._file.in_order(add)
+        return await self._file.in_order(lambda: self._apply(params, changed, asks=not params.confirmed))
 
     @method(role=Role.DRIVE, moves=False)
     async def delete_zone(self, caller: Caller, params: ZoneId, progress: ProgressReporter) -> ZonesSaved:
@@ -156,13 +157,24 @@ class ZonesService:
         name = self._maps.named(params.map)
         content = await self._file.read(name)
         self._file.require_revision(content, params.revision)
-        zones = change(_parsed(content, name), revision_of(content))
+        before = await self._parse(content, name)
+        zones, new = await self._file.compute_in_thread(lambda: _change_zones(before, content, change))
         if asks and self.examine is not None and name == self._maps.in_use:
             listed = await self._maps.places(name)
             places = {place.name: (place.x_m, place.y_m) for place in listed.places}
-            if concerns := await self.examine(zones, places):
+            if concerns := await self.examine(new, places):
                 raise Refused(RefusalKind.NEEDS_CONFIRMATION, "; ".join(concerns))
-        return await self._replace(name, content, write_zones(zones))
+        saved = await self._replace(name, content, new)
+        self._parsed = (new, zones)
+        return saved
+
+    async def _parse(self, content: bytes | None, name: str) -> Zones:
+        """What is in the file; the last one that was read is remembered, so that many who look cost one reading."""
+        async with self._parsing:
+            text = content or b""
+            if text != self._parsed[0]:
+                self._parsed = (text, await self._file.compute_in_thread(lambda: _parse_content(text, name)))
+            return self._parsed[1]
 
     async def _replace(self, name: str, content: bytes | None, new: bytes) -> ZonesSaved:
         """Replace what was there, and have navigation use it."""
@@ -173,9 +185,26 @@ class ZonesService:
         return ZonesSaved(map=name, revision=revision, warning=warning or None)
 
 
-def _parsed(content: bytes | None, name: str) -> Zones:
+def _change_zones(
+    zones: Zones, content: bytes | None, change: Callable[[Zones, str], Zones]
+) -> tuple[Zones, bytes]:
+    """The zones after a change of this content, and their file, which may be too long."""
+    changed = change(zones, revision_of(content))
+    new = write_zones(changed)
+    if len(new) > max(LARGEST_BYTES, len(content or b"")):
+        raise MapStoreError(
+            RefusalKind.OUT_OF_RANGE,
+            Sentence(
+                "zones.too_long",
+                "the zones of the map have too many corners: delete some of them, or draw them with fewer",
+            ),
+        )
+    return changed, new
+
+
+def _parse_content(content: bytes, name: str) -> Zones:
     try:
-        return parse_zones("" if content is None else content.decode(), ZONES)
+        return parse_zones(content.decode(), ZONES)
     except ValueError as error:
         raise MapStoreError(
             RefusalKind.MAP_UNREADABLE,

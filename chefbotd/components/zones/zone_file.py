@@ -10,6 +10,7 @@
       - {name: glass, points_m: [[2, 4], [6, 4]], width_m: 0.1}
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Final, TypeAlias
 
@@ -25,7 +26,13 @@ ZONES: Final = "zones.yaml"
 ZONES_BEFORE: Final = "zones-before.yaml"
 """The file's content before its last change by a client."""
 
+LARGEST_BYTES = 200_000
+"""Of a file that clients make: it takes a second or two to read, and a longer one is not read at all at some point."""
+
 MOST_PROBLEMS = 5
+MOST_SHOWN = 100
+"""Letters of a value that is wrong: it may be as long as the file."""
+
 MOST_ZONES = 1000
 MOST_POINTS = 1000
 FARTHEST_M = 1e6
@@ -76,8 +83,8 @@ class Zones(Parameters):
 
     @model_validator(mode="after")
     def _ids_differ(self) -> "Zones":
-        ids = [zone.id for zone in (*self.keep_out, *self.slow, *self.walls) if zone.id]
-        if twice := next((own for own in ids if ids.count(own) > 1), None):
+        ids = Counter(zone.id for zone in (*self.keep_out, *self.slow, *self.walls) if zone.id)
+        if twice := next((own for own, count in ids.items() if count > 1), None):
             raise ValueError(f"two zones have the id {twice!r}: remove one of them, or its id")
         return self
 
@@ -116,11 +123,18 @@ def parse_zones(text: str, name: str) -> Zones:
         return Zones.model_validate(load_first_document(text) or {})
     except ValidationError as error:
         problems = [
-            f"{'.'.join(map(str, e['loc']))}: {e['msg']} (got {e['input']!r})" for e in error.errors()
+            f"{'.'.join(map(str, e['loc']))}: {e['msg']} (got {shorten_value(e['input'])})"
+            for e in error.errors()[:MOST_PROBLEMS]
         ]
-        raise ValueError(f"{name}: {'; '.join(problems[:MOST_PROBLEMS])}") from error
+        raise ValueError(f"{name}: {'; '.join(problems)}") from error
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from error
+
+
+def shorten_value(value: object) -> str:
+    """A value as it is written, cut where it is long."""
+    text = repr(value)
+    return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}..."
 
 
 def write_zones(zones: Zones) -> bytes:

@@ -1,6 +1,8 @@
 """Changes of zones whose client goes, or meets an edit by hand, over maps in memory."""
 
 import asyncio
+import math
+import threading
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, cast
@@ -9,11 +11,26 @@ import pytest
 
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, run_virtual
+from chefbotd.components.maps.models import OfMapParams
 from chefbotd.components.maps.service import MapsService
 from chefbotd.components.maps.storage.disk import MapStoreError
-from chefbotd.components.zones.models import SaveZoneParams
+from chefbotd.components.zones import service as service_module
+from chefbotd.components.zones.models import (
+    MOST_POINTS,
+    AddZonesParams,
+    SaveZoneParams,
+    ZoneId,
+    ZoneShape,
+)
 from chefbotd.components.zones.service import ZonesService
-from chefbotd.components.zones.zone_file import ZONES, ZONES_BEFORE
+from chefbotd.components.zones.zone_file import (
+    LARGEST_BYTES,
+    ZONES,
+    ZONES_BEFORE,
+    Zones,
+    parse_zones,
+    write_zones,
+)
 from chefbotd.core.commands import RefusalKind
 
 PARAMS = SaveZoneParams(points_m=[[1.0, 2.0], [3.0, 2.0], [3.0, 2.8]])
@@ -89,5 +106,69 @@ def test_an_edit_by_hand_while_navigation_is_asked_is_kept_and_so_is_what_undo_b
             await zones.save_zone(cast(Any, None), PARAMS, cast(Any, None))
         assert refused.value.kind is RefusalKind.CHANGED_MEANWHILE
         assert maps.files == {ZONES: b"# by hand\n", ZONES_BEFORE: b"# older\n"}
+
+    run_virtual(scenario())
+
+
+def test_many_zones_are_read_and_written_beside_the_loop_and_read_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """YAML of some thousand corners takes a second, in which a stop would wait: it is read in another thread."""
+    loop_thread = threading.get_ident()
+    threads: list[int] = []
+
+    def parse(text: str, name: str) -> Zones:
+        threads.append(threading.get_ident())
+        return parse_zones(text, name)
+
+    def write(zones: Zones) -> bytes:
+        threads.append(threading.get_ident())
+        return write_zones(zones)
+
+    monkeypatch.setattr(service_module, "parse_zones", parse)
+    monkeypatch.setattr(service_module, "write_zones", write)
+
+    async def scenario() -> None:
+        maps = MapsInMemory()
+        maps.files = {ZONES: b"keep_out: [{corners_m: [[0, 0], [1, 0], [1, 1]]}]\n"}
+        zones = service(maps)
+        asked = [zones.list_zones(cast(Any, None), OfMapParams(), cast(Any, None)) for _ in range(20)]
+        assert {len(listed.zones) for listed in await asyncio.gather(*asked)} == {1}
+        assert len(threads) == 1
+        await zones.save_zone(cast(Any, None), PARAMS, cast(Any, None))
+        listed = await zones.list_zones(cast(Any, None), OfMapParams(), cast(Any, None))
+        assert len(listed.zones) == 2
+        maps.files[ZONES] = b"# by hand\n"
+        assert (await zones.list_zones(cast(Any, None), OfMapParams(), cast(Any, None))).zones == ()
+        assert len(threads) == 3
+        assert loop_thread not in threads
+
+    asyncio.run(scenario())
+
+
+def test_zones_are_not_made_longer_than_can_be_read_again() -> None:
+    """What would not be read any more is refused, and all that was drawn can still be listed and deleted."""
+
+    async def scenario() -> None:
+        maps = MapsInMemory()
+        zones = service(maps)
+        circle = [
+            [round(math.cos(0.0314 * k), 6), round(math.sin(0.0314 * k), 6)] for k in range(MOST_POINTS)
+        ]
+        shape = ZoneShape(points_m=circle)
+        many = AddZonesParams(zones=[shape] * 12)
+
+        async def draw_on() -> None:
+            for _ in range(20):
+                await zones.add_zones(cast(Any, None), many, cast(Any, None))
+
+        with pytest.raises(MapStoreError, match="too many corners") as refused:
+            await draw_on()
+        assert refused.value.kind is RefusalKind.OUT_OF_RANGE
+        assert len(maps.files[ZONES]) <= LARGEST_BYTES
+        listed = await zones.list_zones(cast(Any, None), OfMapParams(), cast(Any, None))
+        await zones.delete_zone(cast(Any, None), ZoneId(id=listed.zones[0].id), cast(Any, None))
+        after = await zones.list_zones(cast(Any, None), OfMapParams(), cast(Any, None))
+        assert len(after.zones) == len(listed.zones) - 1
 
     run_virtual(scenario())

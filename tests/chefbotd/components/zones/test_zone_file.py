@@ -6,6 +6,7 @@ from chefbotd.components.maps.outlines import why_no_area
 from chefbotd.components.maps.storage.store import revision_of
 from chefbotd.components.zones.zone_file import (
     NO_ZONES,
+    ZONES,
     Wall,
     Zone,
     Zones,
@@ -85,3 +86,10 @@ def test_an_outline_is_an_area(corners_m: tuple[tuple[float, float], ...], reaso
     """Squares and dents are areas; a bow tie, a line and a slip of the hand are none."""
     assert why_no_area(corners_m).startswith(reason)
     assert bool(why_no_area(corners_m)) is bool(reason)
+
+
+def test_a_wrong_value_is_shown_and_cut_where_it_is_long() -> None:
+    """What a client is told of a file that somebody spoiled is short, whatever is in the file."""
+    with pytest.raises(ValueError, match=r"keep_out: .*got 'aaaa") as refused:
+        parse_zones(f"keep_out: {'a' * 500_000}", ZONES)
+    assert len(str(refused.value)) < 1000
