@@ -248,3 +248,39 @@ def test_on_a_phone_a_finger_draws_and_nothing_sticks_out(browser: Any, served: 
     page.get_by_role("button", name="Done").tap()
     assert len(daemon.last("save_zone")["points_m"]) == 3
     context.close()
+
+
+@pytest.mark.parametrize(("width", "height"), [(1200, 800), (640, 400), (390, 844)])
+def test_a_zone_is_drawn_by_the_keyboard_alone(page: Any, served: str, width: int, height: int) -> None:
+    """Also at 200 %: Enter marks a corner under the cross, Shift and arrows move the map by 20 pixels, and drive nothing."""
+    page.set_viewport_size({"width": width, "height": height})
+    daemon = DaemonWithZones(page)
+    daemon.opened(served)
+    daemon.say("localization", state="localized", map="flat", reason="", fit=0.9)
+    show(page, "map")
+    page.get_by_role("button", name="Draw a no-go area").focus()
+    page.keyboard.press("Enter")
+    sync_api.expect(page.locator("#view")).to_be_focused()
+    sync_api.expect(page.locator("#view-keys")).to_be_visible()
+    assert barriers(page) == []
+    for key, times in (("ArrowRight", 0), ("ArrowRight", 9), ("ArrowUp", 9)):
+        for _ in range(times):
+            page.keyboard.press(f"Shift+{key}")
+        page.keyboard.press("Enter")
+    page.keyboard.press("Tab")
+    page.keyboard.type("rug")
+    page.keyboard.press("Tab")
+    sync_api.expect(page.get_by_role("button", name="Done")).to_be_focused()
+    page.keyboard.press("Enter")
+    asked = daemon.last("save_zone")
+    (left, right, top) = asked["points_m"]
+    assert asked["name"] == "rug"
+    assert right == pytest.approx(
+        [left[0] + 2.0, left[1]], abs=0.01
+    )  # 9 times 20 pixels, at 90 pixels a metre
+    assert top == pytest.approx([right[0], right[1] + 2.0], abs=0.01)
+    assert not daemon.was_asked("drive")
+    page.locator("#view").focus()
+    page.keyboard.press("Enter")
+    sync_api.expect(page.locator("#proposal")).to_be_visible()  # sends nothing off by itself
+    assert not daemon.was_asked("navigate_to")

@@ -5,7 +5,7 @@ import { $, element, text } from "../../dom.js";
 import { t, translate } from "../../language.js";
 
 const HTML = (prefix) => `
-  <p id="${prefix}-told" role="status" tabindex="-1"></p>
+  <p id="${prefix}-told" role="status"></p>
   <label id="${prefix}-name-label"><span data-t="zones.name"></span> <input id="${prefix}-name" maxlength="100" autocomplete="off" data-t-placeholder="zones.name"></label>
   <label id="${prefix}-speed-label"><span data-t="zones.speed"></span> <input id="${prefix}-speed" type="number" min="0.01" max="10" step="any" required data-t-title="zones.speed"> m/s</label>
   <label id="${prefix}-width-label"><span data-t="zones.width"></span> <input id="${prefix}-width" type="number" min="0.01" max="5" step="any" required data-t-title="zones.width"> m</label>
@@ -86,7 +86,7 @@ export class Drawing {
     this.panels.fold(true);
     this.#show();
     this.view.measure(); // a corner may be put at once
-    this.#of("told").focus({ preventScroll: true });
+    view.canvas.focus({ preventScroll: true }); // for keys that mark corners; "Done" is next to it
   }
 
   end() {

@@ -75,6 +75,7 @@ export class Driver extends EventTarget {
 
   #down(event) {
     if (event.target.closest?.("input:not([type=range], [type=checkbox]), select, textarea, dialog")) return undefined;
+    if (event.shiftKey && event.target === $("view") && event.code.startsWith("Arrow")) return undefined; // they move the map
     if (event.ctrlKey || event.metaKey || event.altKey) return this.dead(); // a shortcut, which may keep the key's end to itself
     if (!AHEAD.has(event.code) || (event.target.type === "range" && event.code.startsWith("Arrow"))) return undefined;
     event.preventDefault();

@@ -1,9 +1,12 @@
 // What pointers do in the view. A mouse aims by a click or a drag. A finger or a pen moves the view: a tap only proposes a
 // pose, which a button confirms, so that a swipe that scrolls sends no robot off. Two always pan and zoom, and so does the wheel.
+// Keys do what a finger does: with Shift the arrows move the map, and Enter is a tap on the cross in the middle.
 
 const TAP_PX = 10;
 const DOT_PX = 28; // a finger that begins so near to the proposed dot turns its heading
 const HEADING_PX = 12;
+const STEP_PX = 20; // of the map under the cross, by a key
+const STEPS = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
 export class Gestures {
   #pointers = new Map();
@@ -21,9 +24,8 @@ export class Gestures {
     canvas.addEventListener("pointerdown", (event) => this.#down(event));
     canvas.addEventListener("pointermove", (event) => this.#move(event));
     for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (event) => this.#up(event));
-    canvas.addEventListener("keydown", (event) => {
-      if (event.key === "+" || event.key === "-") view.zoom(event.key === "+" ? 1.25 : 0.8);
-    });
+    canvas.addEventListener("keydown", (event) => this.#press(event));
+    for (const name of ["focus", "blur"]) canvas.addEventListener(name, () => view.draw());
   }
 
   // What was aimed at is not wanted any more.
@@ -31,6 +33,21 @@ export class Gestures {
     this.#tap = null;
     this.#aims = false;
     this.#propose(null);
+  }
+
+  #press(event) {
+    const { view } = this;
+    if (event.key === "+" || event.key === "-") view.zoom(event.key === "+" ? 1.25 : 0.8);
+    if (event.shiftKey && STEPS[event.key]) {
+      event.preventDefault();
+      const [right, up] = STEPS[event.key];
+      this.#pan(-STEP_PX * right, STEP_PX * up, 1);
+      view.draw();
+    }
+    if (event.key !== "Enter" || event.repeat || view.gesture === "pan") return;
+    event.preventDefault();
+    const place = view.toWorld(...view.middle);
+    this.#propose({ from: place, to: place });
   }
 
   #down(event) {

@@ -215,6 +215,7 @@ export class View {
     this.#fromRobot(c, () => this.#paintBody());
     if (this.aim) this.#paintAim(this.aim);
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    if (this.gesture !== "pan" && canvas.matches(":focus-visible")) this.#paintCross();
     this.#paintScaleBar();
   }
 
@@ -301,6 +302,18 @@ export class View {
     c.moveTo(...from);
     c.lineTo(...to);
     c.stroke();
+  }
+
+  // Where Enter points at.
+  #paintCross() {
+    const { context: c, middle: [x, y] } = this;
+    for (const [colour, width] of [["card", 5], ["accent", 2]]) {
+      c.strokeStyle = this.colour(colour);
+      c.lineWidth = width;
+      c.beginPath();
+      for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) c.moveTo(x + 5 * dx, y + 5 * dy), c.lineTo(x + 16 * dx, y + 16 * dy);
+      c.stroke();
+    }
   }
 
   #paintScaleBar() {
