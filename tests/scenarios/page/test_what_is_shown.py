@@ -240,20 +240,54 @@ def test_a_robot_that_waits_does_not_fill_the_log_and_the_log_can_be_filtered(
         sync_api.expect(shown).to_contain_text(words)
 
 
-@pytest.mark.parametrize(("width", "height"), [(390, 844), (820, 1180), (1200, 800), (1920, 1080)])
-def test_the_view_has_the_room_that_it_needs(page: Any, daemon: FakeDaemon, width: int, height: int) -> None:
-    """The map has all but the panel, both are in reach without scrolling, and nothing is cut off."""
+@pytest.mark.parametrize(
+    ("width", "height", "beside", "alone"),
+    [
+        (360, 740, 0.42, 0.69),
+        (390, 844, 0.44, 0.73),
+        (844, 390, 0.38, 0.66),
+        (683, 384, 0.34, 0.64),  # 1366 by 768 at 200 %
+        (820, 1180, 0.45, 0.80),
+        (1200, 800, 0.55, 0.77),
+        (1280, 800, 0.56, 0.78),
+        (1920, 1080, 0.65, 0.83),
+    ],
+)
+def test_the_view_has_the_room_that_it_needs(
+    page: Any, daemon: FakeDaemon, width: int, height: int, beside: float, alone: float
+) -> None:
+    """Of the window, the map has at least so much beside an open panel (the workshop may be wider), and without one.
+
+    Nothing covers it there but its own buttons, the joystick is in reach without scrolling, and nothing is cut off.
+    """
     page.set_viewport_size({"width": width, "height": height})
     daemon.say("navigation", state="driving", goal=1, reason="", distance_m=3.21, time_s=9.0)
     file = f"/home/robot/.local/state/chefbotd/{'recordings_' * 20}/drive.mcap"
     daemon.say("recording", **{**RECORDER, "state": "recording", "file": file}, reason="")
     sync_api.expect(page.locator("#recorder")).to_contain_text("drive.mcap")
-    show(page, "drive")
-    page.wait_for_timeout(300)  # until a sheet is as high as it gets
-    view, driving = page.locator("#room").bounding_box(), page.locator("#driving").bounding_box()
+    shares = {}
+    for panel in ("goals", "map", "lately", "drive"):
+        show(page, panel)
+        page.wait_for_timeout(300)  # until a sheet is as high as it gets
+        shares[panel] = page.evaluate(FREE) / (width * height)
     bar = page.locator("#stops").bounding_box()
-    seen = min(driving["height"], bar["y"] - driving["y"])
-    assert view["width"] * view["height"] > 1.5 * driving["width"] * seen
-    assert view["width"] > (0.5 if width > 600 else 0.9) * width
-    assert page.locator("#joystick").bounding_box()["y"] + 130 < bar["y"]
+    assert page.locator("#joystick").bounding_box()["y"] + 110 < bar["y"]
     assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.locator("#tab-drive").click()
+    sync_api.expect(page.locator("#panels")).to_be_hidden()
+    page.wait_for_timeout(300)
+    shares["none"] = page.evaluate(FREE) / (width * height)
+    assert shares.pop("none") >= alone
+    assert min(shares.values()) >= beside, shares
+
+
+FREE = """() => {
+  const room = document.getElementById("room").getBoundingClientRect();
+  const [step, mine] = [8, "#view, .tools, .modes, .lower"]; // the map itself, and its own buttons
+  let free = 0;
+  for (let x = room.left + step / 2; x < room.right; x += step) {
+    for (let y = room.top + step / 2; y < room.bottom; y += step) free += Boolean(document.elementFromPoint(x, y)?.closest(mine));
+  }
+  return free * step * step;
+}"""
+"""How many square pixels of the window show the map, of which each is probed at its middle, 8 by 8 pixels at a time."""
