@@ -22,7 +22,7 @@ const HTML = `
     <label><span data-t="plot.span"></span> <select id="plot-span"></select></label>
     <button type="button" id="plot-pause" aria-pressed="false" data-t="plot.pause"></button>
   </div>
-  <div class="wide"><table>
+  <div class="wide" id="plot-table" role="group" tabindex="0" aria-labelledby="plot-title" hidden><table>
     <caption class="unseen" id="plot-described" data-t="plot.described"></caption>
     <thead><tr><th scope="col" data-t="plot.line"></th><th scope="col" data-t="plot.latest"></th><th scope="col" id="plot-then"></th>
       <th scope="col"><span class="unseen" data-t="plot.remove"></span></th></tr></thead>
@@ -220,6 +220,7 @@ export default class Plot {
       row.append(name, element("td", "–"), element("td", "–"), last);
       return row;
     }));
+    $("plot-table").hidden = this.#lines.length === 0;
     this.#tell();
   }
 }

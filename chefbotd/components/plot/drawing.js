@@ -43,7 +43,7 @@ export function draw(canvas, series, [from_s, to_s], cursor_s, words) {
     bounds.toReversed().forEach((value, row) => c.fillText(`${short(value)} ${unit}`, index ? width - 4 : 4, row ? height - 3 : LABEL - 1));
   });
   c.textAlign = "center";
-  c.fillText(words, width / 2, height - 3);
+  c.fillText(words, width / 2, height / 2);
   if (cursor_s === null) return;
   c.strokeStyle = style.getPropertyValue("--ink");
   c.lineWidth = 1;

@@ -286,7 +286,9 @@ FREE = """() => {
   const [step, mine] = [8, "#view, .tools, .modes, .lower"]; // the map itself, and its own buttons
   let free = 0;
   for (let x = room.left + step / 2; x < room.right; x += step) {
-    for (let y = room.top + step / 2; y < room.bottom; y += step) free += Boolean(document.elementFromPoint(x, y)?.closest(mine));
+    for (let y = room.top + step / 2; y < room.bottom; y += step) {
+      free += Boolean(document.elementFromPoint(x, y)?.closest(mine));
+    }
   }
   return free * step * step;
 }"""
