@@ -8,6 +8,7 @@ import { goal as nameOf, HAS_FINGERS } from "./words.js";
 export const GOING = ["planning", "driving", "recovering", "paused"];
 const QUEUE_SHOWN_MS = 2000; // how often it is looked whether others have added goals
 const NEAR_M = 0.01; // a goal that is so near to a place is that place
+const POSITION = /^to \(-?[\d.]+, -?[\d.]+\)$/; // says nothing to whoever knows the place by its name
 const NO_GOAL = t(HAS_FINGERS ? "navigation.no_goal_tap" : "navigation.no_goal_click");
 const NO_MAP = t(HAS_FINGERS ? "navigation.no_map_tap" : "navigation.no_map_click");
 
@@ -72,8 +73,9 @@ export class Goal {
   #show() {
     const { state, reason, distance_m } = this.#last;
     const going = GOING.includes(state);
-    const why = because(state, reason);
     const place = this.#named.goal === this.#last.goal && knows(`navigation.to.${state}`) && this.#named.place;
+    const given = because(state, reason);
+    const why = place && POSITION.test(given) ? "" : given;
     const what = place ? t(`navigation.to.${state}`, { place }) : nameOf(state);
     const isFar = going && typeof distance_m === "number";
     const left = isFar ? t("navigation.left", { what, distance_m: distance_m.toFixed(1) }) : what;
