@@ -252,7 +252,7 @@ def test_on_a_phone_a_finger_draws_and_nothing_sticks_out(browser: Any, served: 
 
 @pytest.mark.parametrize(("width", "height"), [(1200, 800), (640, 400), (390, 844)])
 def test_a_zone_is_drawn_by_the_keyboard_alone(page: Any, served: str, width: int, height: int) -> None:
-    """Also at 200 %: Enter marks a corner under the cross, Shift and arrows move the map by 20 pixels; nothing drives."""
+    """Also at 200 %: Enter marks a corner under the cross, Shift and arrows move the map by 20 pixels."""
     page.set_viewport_size({"width": width, "height": height})
     daemon = DaemonWithZones(page)
     daemon.opened(served)
