@@ -12,7 +12,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.component_list import FIRST, OWN, SCANNING
 from chefbotd.composition.components import Built, build_own, build_strangers
-from chefbotd.composition.context import NO_SUBSTITUTES, Context, DaemonParts, FeatureBuilder
+from chefbotd.composition.context import NO_SUBSTITUTES, DaemonContext, DaemonParts, FeatureBuilder
 from chefbotd.composition.network import page_server
 from chefbotd.composition.robot import board_session, drive_service, robot_features
 from chefbotd.composition.scanners import lidars
@@ -87,7 +87,7 @@ class Daemon:
         self.entries = clock = inputs_of(clock)
         self.entries.bus = self.bus
         rng, self._session = rng or random.Random(), session or os.urandom(4).hex()
-        context = Context(
+        context = DaemonContext(
             settings,
             self.bus,
             clock,
@@ -123,7 +123,7 @@ class Daemon:
         self._add_metrics()
 
     def _make_features(
-        self, context: Context, further: Sequence[FeatureBuilder], board_feature: Feature
+        self, context: DaemonContext, further: Sequence[FeatureBuilder], board_feature: Feature
     ) -> list[Feature]:
         """Each with its services and handlers; what records sees everything first, and the board is opened last."""
         parts, built = self._parts(context), Built()
@@ -149,7 +149,7 @@ class Daemon:
         )
         return [*packaged, *strangers, board_feature]
 
-    def _parts(self, context: Context) -> DaemonParts:
+    def _parts(self, context: DaemonContext) -> DaemonParts:
         """What components of ours are built with; the servers come later, as they need every method first."""
         return DaemonParts(
             context,

@@ -5,7 +5,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 
 from chefbotd.core.commands import RefusalKind
-from chefbotd.rpc.arrivals import Arrival
+from chefbotd.rpc.arrivals import ByteArrival
 from chefbotd.rpc.backlog import Backlog
 from chefbotd.rpc.jsonrpc import Failure, Request, error, parse
 from chefbotd.rpc.lenient import read_leniently
@@ -30,7 +30,7 @@ TABLES = (from_board, to_board, checked_to_board)
 CODECS = tuple(table(variant) for variant in VARIANTS.values() for table in TABLES)
 LONGEST_BYTES = 64
 
-NOW = Arrival(0.0, 0)
+NOW = ByteArrival(0.0, 0)
 
 
 def decoding_is_sound(data: bytes) -> None:

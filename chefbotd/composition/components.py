@@ -11,7 +11,7 @@ from chefbotd.component import Component, PagePart, resolve
 from chefbotd.component_context import Context as ComponentContext
 from chefbotd.component_context import SkillHost
 from chefbotd.component_list import FIRST, OWN, SCANNING, own_component, own_components
-from chefbotd.composition.context import Context, DaemonParts
+from chefbotd.composition.context import DaemonContext, DaemonParts
 from chefbotd.features.feature import Feature, Service, methods_and_topics
 from chefbotd.inputs import inputs_of
 from chefbotd.metrics import Metrics
@@ -114,7 +114,7 @@ def _strangers(settings: Settings) -> "list[Installed]":
     return []
 
 
-def brings_skills(context: Context) -> bool:
+def brings_skills(context: DaemonContext) -> bool:
     """Whether an allowed component has a skill for the worker."""
     return any(stranger.component and stranger.component.skills for stranger in _strangers(context.settings))
 

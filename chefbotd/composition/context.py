@@ -27,7 +27,7 @@ FeatureBuilder: TypeAlias = Callable[[Bus, Clock], Feature]
 NO_SUBSTITUTES: Final[Mapping[str, Any]] = MappingProxyType({})
 
 
-class Context(Struct, frozen=True):
+class DaemonContext(Struct, frozen=True):
     """One robot's configuration, bus and clock, and the functions that start threads and processes.
 
     ``session`` tells this run of the daemon from others. ``substitutes`` are what components use in place of their own
@@ -59,7 +59,7 @@ class DaemonParts(Struct, frozen=True):
     the server that asks for tokens, which is built last.
     """
 
-    context: Context
+    context: DaemonContext
     driving: "DriveService"
     leases: "ControlLeases"
     metrics: Metrics

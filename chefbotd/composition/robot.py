@@ -5,7 +5,7 @@ from functools import cache, partial
 
 import structlog
 
-from chefbotd.composition.context import Context
+from chefbotd.composition.context import DaemonContext
 from chefbotd.composition.scanners import scan_guard
 from chefbotd.driving.commands import driving
 from chefbotd.driving.description.service import description
@@ -37,7 +37,7 @@ from chefbotd.settings.notes import guard_warning
 log = structlog.get_logger(component="app")
 
 
-def board_session(context: Context, memory: BoardMemory | None) -> BoardSession:
+def board_session(context: DaemonContext, memory: BoardMemory | None) -> BoardSession:
     """The session with the board, in the variant of the wire that it speaks."""
     settings = context.settings
     encoders = settings.encoders
@@ -57,7 +57,7 @@ def board_session(context: Context, memory: BoardMemory | None) -> BoardSession:
     )
 
 
-def drive_service(context: Context, session: BoardSession, latch: GateStore) -> DriveService:
+def drive_service(context: DaemonContext, session: BoardSession, latch: GateStore) -> DriveService:
     """The control loop with what keeps it safe."""
     settings, bus, clock = context.settings, context.bus, context.clock
     drive = Drive(settings.drive, settings.chassis, settings.limits, tuple(settings.gains().values()))
@@ -110,7 +110,7 @@ def _use_wheel_loop(settings: Settings, wheels: WheelController, loop: WheelLoop
 
 
 def robot_features(
-    context: Context, service: DriveService, preview: LimitPreview, leases: ControlLeases
+    context: DaemonContext, service: DriveService, preview: LimitPreview, leases: ControlLeases
 ) -> list[Feature]:
     """The features for driving, odometry, sensors and description."""
     settings, bus, clock = context.settings, context.bus, context.clock

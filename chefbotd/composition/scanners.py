@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from chefbotd.bus import OnError
-from chefbotd.composition.context import Context
+from chefbotd.composition.context import DaemonContext
 from chefbotd.driving.obstacle_guard import Scans
 from chefbotd.features.feature import Feature
 from chefbotd.settings import Settings
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from chefbotd.safety.outline import Outline
 
 
-def lidars(context: Context) -> list[Feature]:
+def lidars(context: DaemonContext) -> list[Feature]:
     """A link for each lidar."""
     if not context.settings.lidar:
         return []
@@ -30,7 +30,7 @@ def robot_outline(settings: Settings) -> "Outline":
     return outline_of(settings.chassis, settings.body_size_m, settings.wheelbase_m)
 
 
-def scan_guard(context: Context) -> Callable[[OnError], Scans] | None:
+def scan_guard(context: DaemonContext) -> Callable[[OnError], Scans] | None:
     """Builds the guard over scans; None where no scanner guards."""
     settings = context.settings
     scanners: list[GuardSensor] = [*settings.lidar, *settings.further_scanners]

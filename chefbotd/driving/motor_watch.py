@@ -15,7 +15,7 @@ from chefbotd.safety.commands_lost import BoardSays
 from chefbotd.safety.echo import EchoState
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import SafetyParameters
-from chefbotd.safety.in_force import Command, InForce
+from chefbotd.safety.in_force import InForce, WrittenCommand
 from chefbotd.safety.unresponsive import UnresponsiveState
 
 ECHO_AGE_S = 1.5
@@ -170,7 +170,7 @@ class MotorWatch(StatefulPart[MotorWatchState]):
         )
         return fault
 
-    def note_command(self, command: Command, *, is_held_back: bool = False) -> None:
+    def note_command(self, command: WrittenCommand, *, is_held_back: bool = False) -> None:
         """A command goes to the board; ``is_held_back``: it may still wait on this side of the wire."""
         now_s, duty = command.since_s, command.duty
         is_driven = any(duty)

@@ -37,7 +37,7 @@ from chefbotd.motion.encoder import LOST_LINES_S
 from chefbotd.safety import gate
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import Decision
-from chefbotd.safety.in_force import Command
+from chefbotd.safety.in_force import WrittenCommand
 from chefbotd.safety.watchdog import ControlParameters, WatchdogParameters, judge_pause
 
 STEP_BOUNDS_S = (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
@@ -412,7 +412,9 @@ class DriveService(StatefulPart[DriveServiceState]):
         last = commands[0] if commands else None
         is_same = last is not None and last.duty == duty and last.setpoint_m_s == setpoint_m_s
         effort = last.effort if last is not None and is_same else self.wheels.effort
-        motors.note_command(Command(now_s, duty, effort, setpoint_m_s), is_held_back=self.wheels.is_held_back)
+        motors.note_command(
+            WrittenCommand(now_s, duty, effort, setpoint_m_s), is_held_back=self.wheels.is_held_back
+        )
 
     def _halt(self) -> None:
         self.wheels.halt()

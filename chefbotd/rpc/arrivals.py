@@ -25,14 +25,14 @@ Elsewhere it ticks with the clock's beat: a wakeup of its own costs about 0.2 ms
 LEAST_TIMEOUT_S = 10 * BEAT_S
 
 
-class Arrival(Record, frozen=True):
+class ByteArrival(Record, frozen=True):
     """The earliest time at which bytes can have arrived, and how many stops had been carried out by then."""
 
     stamp_s: float
     stops: int
 
 
-MarkUnread = Callable[[Arrival, object], None]
+MarkUnread = Callable[[ByteArrival, object], None]
 """Tells every client with unread bytes, except the given one, that they may have arrived as early as this."""
 
 
@@ -59,20 +59,20 @@ class Arrivals:
         now_s = self._clock.now_s()
         self._previous_tick_s, self._tick_s = now_s if self._tick_s is None else self._tick_s, now_s
 
-    def earliest(self) -> Arrival:
+    def earliest(self) -> ByteArrival:
         """The earliest arrival of bytes that have just been read; now, as long as there was no tick."""
         stamp_s = self._clock.now_s() if self._previous_tick_s is None else self._previous_tick_s
-        return Arrival(stamp_s, self.stops)
+        return ByteArrival(stamp_s, self.stops)
 
-    def age_s(self, arrival: Arrival) -> float:
+    def age_s(self, arrival: ByteArrival) -> float:
         """How old a command may be, in seconds."""
         return self._clock.now_s() - arrival.stamp_s
 
-    def is_before_a_stop(self, arrival: Arrival) -> bool:
+    def is_before_a_stop(self, arrival: ByteArrival) -> bool:
         """Whether a command may have been sent before a stop that has been carried out."""
         return arrival.stops < self.stops
 
-    def is_before_a_pause_ended(self, arrival: Arrival) -> bool:
+    def is_before_a_pause_ended(self, arrival: ByteArrival) -> bool:
         """Whether a command may have been sent before or in a pause in which the robot drove unwatched."""
         return arrival.stamp_s < self._resumed_s()
 

@@ -6,21 +6,21 @@ Pure: it holds bytes and cuts lines. A pattern tells it which lines may be urgen
 import re
 
 from chefbotd.core.record import Record, replace
-from chefbotd.rpc.arrivals import Arrival
+from chefbotd.rpc.arrivals import ByteArrival
 
 
 class ReceivedLine(Record, frozen=True):
     """A line without its end, and the arrival of its first byte."""
 
     text: bytearray
-    arrival: Arrival
+    arrival: ByteArrival
 
 
 class Mark(Record, frozen=True):
     """The bytes from this position to the next mark arrived together."""
 
     position: int
-    arrival: Arrival
+    arrival: ByteArrival
 
 
 class Backlog:
@@ -49,7 +49,7 @@ class Backlog:
         end = self._bytes.find(b"\n")
         return (len(self._bytes) if end < 0 else end) > self._longest_bytes
 
-    def add(self, data: bytes, arrival: Arrival) -> None:
+    def add(self, data: bytes, arrival: ByteArrival) -> None:
         """Add bytes from the client, cut anywhere."""
         if self._skips_line:
             _, line_end, data = data.partition(b"\n")

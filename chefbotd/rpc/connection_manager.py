@@ -23,7 +23,7 @@ from chefbotd.core.events import ClientDisconnected
 from chefbotd.core.events.inputs import ClientLeft, TimerFired
 from chefbotd.inputs import inputs_of
 from chefbotd.logs import RateLimitedLog
-from chefbotd.rpc.arrivals import Arrival, Arrivals
+from chefbotd.rpc.arrivals import Arrivals, ByteArrival
 from chefbotd.rpc.connection_slots import ConnectionSlots, NoSlot, address_group
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.dispatch import Dispatcher
@@ -188,7 +188,7 @@ class ConnectionManager:
         return len(self._sessions)
 
     def admit(
-        self, host: str, port: int, arrival: Arrival | None = None, headroom: Headroom = Headroom.ENOUGH
+        self, host: str, port: int, arrival: ByteArrival | None = None, headroom: Headroom = Headroom.ENOUGH
     ) -> Session | Failure:
         """A new client's session, or why there is no room; ``arrival`` is the earliest for its first byte."""
         now_s = self.clock.now_s()

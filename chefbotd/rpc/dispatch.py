@@ -19,7 +19,7 @@ from chefbotd.core.sentence import Sentence
 from chefbotd.inputs import inputs_of
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc import jsonrpc, lenient
-from chefbotd.rpc.arrivals import Arrival, Arrivals
+from chefbotd.rpc.arrivals import Arrivals, ByteArrival
 from chefbotd.rpc.encoding import encode
 from chefbotd.rpc.jobs import Jobs
 from chefbotd.rpc.jsonrpc import ERRORS, ErrorKind, Failure, Request
@@ -103,7 +103,7 @@ class Dispatcher:
         ]
         self.urgent_pattern = re.compile(rb'"(?:%b)"|\\u' % b"|".join(urgent))
 
-    def serve(self, caller: Caller, line: bytes | bytearray, arrival: Arrival | None = None) -> None:
+    def serve(self, caller: Caller, line: bytes | bytearray, arrival: ByteArrival | None = None) -> None:
         """Carry out one line, and answer it unless it is a notification. Without an ``arrival`` it came just now.
 
         What moves the robot is not carried out when it came before a stop, or too long ago.
@@ -114,7 +114,7 @@ class Dispatcher:
             return
         self.serve_request(caller, request, arrival)
 
-    def serve_request(self, caller: Caller, request: Request, arrival: Arrival | None = None) -> None:
+    def serve_request(self, caller: Caller, request: Request, arrival: ByteArrival | None = None) -> None:
         """Carry out a request that was read already, as ``serve`` does."""
         caller.session.record_request()
         failure = self._carry_out(caller, request, arrival)
@@ -158,7 +158,7 @@ class Dispatcher:
         elif wants_answer:
             caller.reply(jsonrpc.error(failure))
 
-    def _carry_out(self, caller: Caller, request: Request, arrival: Arrival | None) -> Failure | None:
+    def _carry_out(self, caller: Caller, request: Request, arrival: ByteArrival | None) -> Failure | None:
         answered = False
         try:
             method = self._admit(caller.session, request)
@@ -237,7 +237,7 @@ class Dispatcher:
         log.error("handler_fault", method=request.method, exc_info=problem)
         return Failure(ErrorKind.INTERNAL, f"a fault in the daemon during {request.method}", request.id)
 
-    def _require_fresh(self, session: Session, method: str, arrival: Arrival) -> None:
+    def _require_fresh(self, session: Session, method: str, arrival: ByteArrival) -> None:
         """Old intent moves nothing: raises ``Unserved`` for what waited long, or came before a stop or in a pause."""
         age_s = self._arrivals.age_s(arrival)
         if self._arrivals.is_before_a_stop(arrival):

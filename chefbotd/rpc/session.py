@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from chefbotd.core.record import Record
-from chefbotd.rpc.arrivals import Arrival
+from chefbotd.rpc.arrivals import ByteArrival
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.parameters import ApiParameters, Role
 
@@ -57,7 +57,7 @@ class Session:
         self.role, self.client, self.proven, self.stops_only = role, "", False, ""
         self.token_digest: bytes | None = None  # of the token that it has shown
         self.number = 0  # of the connections that were admitted
-        self.arrival: Arrival | None = None  # the earliest at which its connection can have been opened
+        self.arrival: ByteArrival | None = None  # the earliest at which its connection can have been opened
         self._on_identified = on_identified
         self._arrived_s = self._active_s = now_s
         self._incomplete_s: float | None = None

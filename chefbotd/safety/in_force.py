@@ -30,7 +30,7 @@ MOST_COMMANDS = 256
 """Different commands are remembered: more than go out at 200 a second while the sketch waits a second for an echo."""
 
 
-class Command(Record, frozen=True):
+class WrittenCommand(Record, frozen=True):
     """A command that was written from ``since_s`` on.
 
     ``effort`` is the duty of each wheel as a share of the range (see ``Drive.effort``), ``setpoint_m_s`` the speed of
@@ -68,7 +68,7 @@ class InForce(MutableState):
     ``waits_until_s``.
     """
 
-    commands: tuple[Command, ...] = ()
+    commands: tuple[WrittenCommand, ...] = ()
     settled_s: float = float("-inf")
     taken_s: float = float("-inf")
     before_s: float = float("-inf")
@@ -82,7 +82,7 @@ class InForce(MutableState):
     waits_until_s: float = float("-inf")
     has_clock: bool = True
 
-    def note_command(self, command: Command, *, is_held_back: bool = False) -> None:
+    def note_command(self, command: WrittenCommand, *, is_held_back: bool = False) -> None:
         """A command goes to the board; ``is_held_back``: it may still wait on this side of the wire."""
         if not is_held_back:
             self.written_s = float("inf")
@@ -158,7 +158,7 @@ class InForce(MutableState):
         pairs = zip(first.setpoint_m_s, second.setpoint_m_s, strict=True)
         return tuple([share * old + (1 - share) * new for old, new in pairs])
 
-    def _read_by(self, cycle_s: float) -> Command:
+    def _read_by(self, cycle_s: float) -> WrittenCommand:
         """The newest command that a cycle has read which began then; the oldest one known where none was that early."""
         for command in self.commands:
             if command.since_s <= cycle_s:
@@ -166,7 +166,7 @@ class InForce(MutableState):
         return self.commands[-1]
 
 
-def _widen(envelope: Envelope, command: Command) -> Envelope:
+def _widen(envelope: Envelope, command: WrittenCommand) -> Envelope:
     """The envelope with one more command, an older one."""
     effort, asked_m_s = list(envelope.effort), list(envelope.asked_m_s)
     may_turn_round = list(envelope.may_turn_round or (False,) * len(effort))

@@ -11,7 +11,7 @@ import socket
 from collections.abc import Callable
 from typing import cast
 
-from chefbotd.rpc.arrivals import Arrival
+from chefbotd.rpc.arrivals import ByteArrival
 from chefbotd.rpc.backlog import Backlog
 from chefbotd.rpc.connection_manager import ConnectionManager
 from chefbotd.rpc.encoding import EventPayload
@@ -118,7 +118,7 @@ class SocketConnection(asyncio.Protocol):
         if control:
             self._outbox.reply(control)
 
-    def mark_unread(self, arrival: Arrival) -> None:
+    def mark_unread(self, arrival: ByteArrival) -> None:
         """What the kernel holds of this client may have arrived as early as this."""
         self._held.mark_unread(arrival)
 

@@ -20,7 +20,7 @@ import structlog
 
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc import jsonrpc
-from chefbotd.rpc.arrivals import Arrival, Arrivals
+from chefbotd.rpc.arrivals import Arrivals, ByteArrival
 from chefbotd.rpc.connection_manager import ConnectionManager, Headroom
 from chefbotd.rpc.connection_slots import ConnectionSlots, NoSlot
 from chefbotd.rpc.jsonrpc import Failure
@@ -178,16 +178,16 @@ class _AcceptQueue:
 
     def __init__(self, listener: socket.socket, arrivals: Arrivals, unread: UnreadSockets) -> None:
         self._arrivals = arrivals
-        self._oldest: Arrival | None = None
+        self._oldest: ByteArrival | None = None
         self._poll = select.poll()
         self._poll.register(listener, select.POLLIN)
         unread.register(listener.fileno(), self)
 
-    def mark_unread(self, arrival: Arrival) -> None:
+    def mark_unread(self, arrival: ByteArrival) -> None:
         """A stop is carried out while a client waits."""
         self._oldest = self._oldest or arrival
 
-    def next_arrival(self) -> Arrival:
+    def next_arrival(self) -> ByteArrival:
         """The earliest arrival of the client that was just accepted."""
         arrival = self._oldest or self._arrivals.earliest()
         self._oldest = arrival if self._poll.poll(0) else None

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from chefbotd.core.record import replace
-from chefbotd.rpc.arrivals import Arrival, Arrivals
+from chefbotd.rpc.arrivals import Arrivals, ByteArrival
 from chefbotd.rpc.backlog import Backlog
 from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure, Request
@@ -110,7 +110,7 @@ class StopSearch:
 class SocketReader(Protocol):
     """Reads one socket."""
 
-    def mark_unread(self, arrival: Arrival) -> None:
+    def mark_unread(self, arrival: ByteArrival) -> None:
         """What the kernel holds of this socket now may have arrived as early as this."""
         ...
 
@@ -135,7 +135,7 @@ class UnreadSockets:
             del self._readers[descriptor]
             self._poll.unregister(descriptor)
 
-    def mark(self, arrival: Arrival, client: object) -> None:
+    def mark(self, arrival: ByteArrival, client: object) -> None:
         """Mark what is unread on every socket except this client's."""
         for descriptor, _ in self._poll.poll(0):
             if self._readers[descriptor] is not client:
@@ -163,15 +163,15 @@ def kernel_bytes(plain: socket.socket | None) -> bytes:
 class HeldBytes:
     """``unread_since`` is the earliest arrival of what the kernel holds; None: it holds nothing."""
 
-    def __init__(self, arrivals: Arrivals, unread_since: Arrival | None) -> None:
+    def __init__(self, arrivals: Arrivals, unread_since: ByteArrival | None) -> None:
         self._arrivals, self.unread_since = arrivals, unread_since
-        self._partial_since: Arrival | None = None
+        self._partial_since: ByteArrival | None = None
 
-    def mark_unread(self, arrival: Arrival) -> None:
+    def mark_unread(self, arrival: ByteArrival) -> None:
         """What the kernel holds may have arrived as early as this."""
         self.unread_since = self.unread_since or arrival
 
-    def arrival_of(self, lines: bytes, *, partial: bool) -> Arrival:
+    def arrival_of(self, lines: bytes, *, partial: bool) -> ByteArrival:
         """The arrival of the lines that were just read. The first of them is as old as its first byte.
 
         ``partial``: a request has begun, and not ended.
@@ -190,5 +190,5 @@ class HeldBytes:
         self._partial_since = _after_stop(self._partial_since, before, now)
 
 
-def _after_stop(arrival: Arrival | None, before: int, now: int) -> Arrival | None:
+def _after_stop(arrival: ByteArrival | None, before: int, now: int) -> ByteArrival | None:
     return replace(arrival, stops=now) if arrival is not None and arrival.stops == before else arrival

@@ -25,7 +25,7 @@ OWN_SOURCE = "joystick"
 NO_PAD = "no gamepad found: is one plugged in, and may you read /dev/input/event* (group 'input')?"
 
 
-class Device(Protocol):
+class Gamepad(Protocol):
     """A gamepad."""
 
     name: str
@@ -45,7 +45,7 @@ class JoystickPilot:
     def __init__(
         self,
         robot: Client,
-        device: Device,
+        device: Gamepad,
         say: Callable[[str], None],
         scale: StickScale,
         source: str | None = None,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from chefbotd.components.doctor.listening.ports import SerialPort
     from chefbotd.components.flash.boards import Board, Programmer
     from chefbotd.components.flash.images import Image
-    from chefbotd.components.flash.procedure import Heard, Tell
+    from chefbotd.components.flash.procedure import FlashedBoard, Tell
     from chefbotd.components.flash.turns import Turned
 
 YES = "yes"
@@ -180,7 +180,7 @@ def _kept_folder() -> Path:
     return state_folder("firmware", os.environ, simulated=False)
 
 
-def _check_heard(image: "Image", heard: "Heard", go_back: str) -> None:
+def _check_heard(image: "Image", heard: "FlashedBoard", go_back: str) -> None:
     """Raise unless the board runs what was written, as far as it can be heard."""
     if not image.version or heard.version == image.version:
         return
@@ -191,7 +191,7 @@ def _check_heard(image: "Image", heard: "Heard", go_back: str) -> None:
     )
 
 
-def _as_sentence(heard: "Heard") -> str:
+def _as_sentence(heard: "FlashedBoard") -> str:
     if heard.version:
         return f"The board runs firmware {heard.version}: it stops by itself."
     return f"The board says: {heard.line}" if heard.line else "The board is silent."
@@ -206,7 +206,7 @@ def _print_json(
     *,
     dry_run: bool = False,
     kept: Path | None = None,
-    heard: "Heard | None" = None,
+    heard: "FlashedBoard | None" = None,
 ) -> None:
     if not context.as_json:
         return

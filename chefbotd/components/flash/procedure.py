@@ -32,7 +32,7 @@ NAME, DUTY = b"firmware", b"s"
 Tell = Callable[[str], None]
 
 
-class Heard(Record, frozen=True):
+class FlashedBoard(Record, frozen=True):
     """What the board said after it was flashed: our firmware's version (empty: it did not name itself), a first line."""
 
     version: str = ""
@@ -137,7 +137,7 @@ def run(command: Sequence[str]) -> None:
         raise KeyboardInterrupt
 
 
-def hear(port: SerialPort, *, is_ours: bool) -> Heard:
+def hear(port: SerialPort, *, is_ours: bool) -> FlashedBoard:
     """Open the port and listen until the firmware names itself (any line, if it is not ours), or ``HEAR_S`` is over.
 
     Raises:
@@ -148,7 +148,7 @@ def hear(port: SerialPort, *, is_ours: bool) -> Heard:
         with serial.Serial(port.device, BAUD, timeout=0.2, exclusive=True) as line:
             for text in _lines(line, HEAR_S):
                 if version := version_in(text):
-                    return Heard(version, text.decode(errors="replace"))
+                    return FlashedBoard(version, text.decode(errors="replace"))
                 first = first or text.decode(errors="replace")
                 if first and not is_ours:
                     break
@@ -156,7 +156,7 @@ def hear(port: SerialPort, *, is_ours: bool) -> Heard:
         raise ProgramError(
             Exit.FAILED, f"{port.device}: was flashed, but cannot be listened to: {error}"
         ) from error
-    return Heard(line=first)
+    return FlashedBoard(line=first)
 
 
 def _lines(line: serial.Serial, for_s: float) -> Iterator[bytes]:

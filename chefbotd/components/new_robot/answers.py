@@ -16,14 +16,14 @@ LIDAR = f"lidar.{LIDAR_NAME}"
 NOT_MEASURED = "# Not measured yet, and still "
 
 
-class Answer(Record, frozen=True):
+class FoundValue(Record, frozen=True):
     """A key's value, and how it was found: a comment in the file."""
 
     value: Value
     reason: str
 
 
-Answers = Mapping[str, Answer]
+Answers = Mapping[str, FoundValue]
 """By dotted keys; an entry of a list is named, as in ``chassis.wheels.left_wheel.radius_m``."""
 
 
@@ -33,7 +33,7 @@ def unmeasured_keys(text: str) -> frozenset[str]:
     return frozenset(line.partition("'s: ")[2] for line in lines)
 
 
-def differing(answers: Answers, values: Mapping[str, Any]) -> dict[str, Answer]:
+def differing(answers: Answers, values: Mapping[str, Any]) -> dict[str, FoundValue]:
     """The answers that are not what these values of a file say already."""
     return {key: answer for key, answer in answers.items() if not _is_same(answer.value, _at(values, key))}
 
@@ -110,7 +110,7 @@ def _without_numbers(reason: str) -> str:
     return re.sub(r"[\d.]+", "0", reason)
 
 
-def _line(key: str, answer: Answer) -> str:
+def _line(key: str, answer: FoundValue) -> str:
     said = f"{key.rpartition('.')[2]} = {toml_value(answer.value)}"
     return f"{said:<35} # {answer.reason}" if answer.reason else said
 

@@ -6,7 +6,7 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.clock import Clock
 from chefbotd.components.doctor.algorithms.lines import NAMES, LinesHeard
 from chefbotd.components.doctor.listening.ports import Behind, SerialPort, listen, look_behind, survey
-from chefbotd.components.new_robot.answers import Answer
+from chefbotd.components.new_robot.answers import FoundValue
 from chefbotd.components.new_robot.interview import Interview
 from chefbotd.core.record import Record
 from chefbotd.link.port import LinkParameters
@@ -47,18 +47,18 @@ class Found(Record, frozen=True):
         return BASES.get(self.heard.wheels, "chefbot")
 
     @property
-    def answers(self) -> dict[str, Answer]:
+    def answers(self) -> dict[str, FoundValue]:
         """What the configuration says of the board and its lines."""
         if self.link is None:
             return {}
         lines = ", ".join(f"{kind} {rate:.0f} a second" for kind, rate in self.heard.rates_hz.items())
         answers = {
-            "link.device": Answer(self.link.device, "where the board was found"),
-            "link.baud": Answer(self.link.baud, "at which its lines were understood"),
-            "robot.wire": Answer(self.heard.wire, f"the board sends {lines}"),
+            "link.device": FoundValue(self.link.device, "where the board was found"),
+            "link.baud": FoundValue(self.link.baud, "at which its lines were understood"),
+            "robot.wire": FoundValue(self.heard.wire, f"the board sends {lines}"),
         }
         if self.heard.firmware:
-            answers["encoders.counted_by"] = Answer("firmware", "our own firmware counts all four edges")
+            answers["encoders.counted_by"] = FoundValue("firmware", "our own firmware counts all four edges")
         return answers
 
     @property

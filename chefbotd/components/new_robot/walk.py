@@ -3,11 +3,11 @@
 import math
 from collections.abc import Callable, Collection, Mapping
 
-from chefbotd.components.new_robot.answers import LIDAR, Answer, Answers
+from chefbotd.components.new_robot.answers import LIDAR, Answers, FoundValue
 from chefbotd.components.new_robot.board import CLASSIC, Found, Serial, find_board
 from chefbotd.components.new_robot.interview import Interview
 from chefbotd.components.new_robot.measuring import Connect, by_duty, draft
-from chefbotd.components.new_robot.wheels_by_hand import Motors, run_motors, turn_on_floor, turn_wheels
+from chefbotd.components.new_robot.wheels_by_hand import FoundMotors, run_motors, turn_on_floor, turn_wheels
 from chefbotd.motion.drive_state import LOADED_SHARE
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.settings.values import value_of
@@ -40,7 +40,7 @@ class Walk:
         self._interview, self._serial, self._connect = interview, serial, connect
         self._present, self._wanted_base, self._unmeasured = present, base, unmeasured
         self.base = base or CLASSIC
-        self.answers: dict[str, Answer] = {}
+        self.answers: dict[str, FoundValue] = {}
         self.missing: list[str] = []
 
     async def walk(self, device: str | None) -> Answers:
@@ -48,7 +48,7 @@ class Walk:
         board = await find_board(self._interview, self._serial, device)
         self.base = self._wanted_base or board.base
         self.answers |= {
-            section: Answer(False, "the board sends no line of it") for section in self._absent(board)
+            section: FoundValue(False, "the board sends no line of it") for section in self._absent(board)
         }
         self.answers |= board.answers
         await self._ask_name()
@@ -78,7 +78,7 @@ class Walk:
     async def _ask_name(self) -> None:
         default = self._present.robot.name if self._present else "my_robot"
         name = await self._interview.text("What is the robot's name?", default)
-        self.answers["robot.name"] = Answer(name, "")
+        self.answers["robot.name"] = FoundValue(name, "")
 
     async def _ask_radius(self) -> float:
         usual_m = self._usual.chassis.wheels[0].radius_m
@@ -93,7 +93,7 @@ class Walk:
         radius_m = round(rolled_cm / 100 / math.tau, 5)
         for wheel in self._usual.chassis.wheels:
             kept = self._present is not None and abs(wheel.radius_m - radius_m) < 2e-5
-            self.answers[f"chassis.wheels.{wheel.name}.radius_m"] = Answer(
+            self.answers[f"chassis.wheels.{wheel.name}.radius_m"] = FoundValue(
                 wheel.radius_m if kept else radius_m, f"{rolled_cm:g} cm a turn, by tape"
             )
         return radius_m
@@ -106,7 +106,7 @@ class Walk:
         )  # fmt: skip
         if track_cm is None:
             return None
-        self.answers["chassis.track_width_m"] = Answer(round(track_cm / 100, 4), "by tape")
+        self.answers["chassis.track_width_m"] = FoundValue(round(track_cm / 100, 4), "by tape")
         return track_cm / 100
 
     async def _measure(self, board: Found, radius_m: float, tape_m: float | None) -> None:
@@ -124,7 +124,7 @@ class Walk:
             return
         counts = turned.counts_per_turn
         counts = self._same("encoders.counts_per_turn", counts, SAME_BY_HAND)
-        self.answers["encoders.counts_per_turn"] = Answer(counts, "by turns of the wheels by hand")
+        self.answers["encoders.counts_per_turn"] = FoundValue(counts, "by turns of the wheels by hand")
         self._add_signs("encoder_sign", turned.signs)
         overrides = self._overrides(board, radius_m, turned.signs, dict.fromkeys(names, 1))
         async with self._connect(by_duty(self.base, overrides, counts)) as robot:
@@ -167,14 +167,14 @@ class Walk:
     def _add_signs(self, key: str, signs: Mapping[str, int]) -> None:
         reason = "as it was turned by hand" if key == "encoder_sign" else "as its motor turned it"
         for name, sign in signs.items():
-            self.answers[f"chassis.wheels.{name}.{key}"] = Answer(sign, reason)
+            self.answers[f"chassis.wheels.{name}.{key}"] = FoundValue(sign, reason)
 
     def _same(self, key: str, measured: float, share: float) -> float:
         """The file's value where the measured one is the same but for this share; else the measured one."""
         present = None if self._present is None else value_of(self._present, key)
         return measured if present is None or abs(measured - present) > share * abs(present) else present
 
-    def _add_motors(self, motors: Motors) -> None:
+    def _add_motors(self, motors: FoundMotors) -> None:
         """The speed under load, and gains in the packaged robot's proportion to the duty per speed."""
         figures, base = motors.figures, load(packaged(self.base)).pid
         scale = figures.kv_duty_per_m_s / base.kv
@@ -194,18 +194,18 @@ class Walk:
             "pid.ki_duty_per_m": (base.ki * scale, 1, ""),
         }  # fmt: skip
         for key, (value, digits, reason) in measured.items():
-            self.answers[key] = Answer(self._same(key, round(value, digits), SAME_MOTORS), reason)
+            self.answers[key] = FoundValue(self._same(key, round(value, digits), SAME_MOTORS), reason)
 
     def _add_track(self, track_m: float, tape_m: float | None) -> None:
         """Of two wheels it is the track; more of them skid, and the tape's track keeps a multiplier."""
         if len(self._usual.chassis.wheels) > 2 and tape_m is not None:
             multiplier = self._same("chassis.track_multiplier", round(track_m / tape_m, 3), SAME_BY_HAND)
-            self.answers["chassis.track_multiplier"] = Answer(
+            self.answers["chassis.track_multiplier"] = FoundValue(
                 multiplier, "by turns on the floor: wheels that skid"
             )
         else:
             track_m = self._same("chassis.track_width_m", round(track_m, 4), SAME_BY_HAND)
-            self.answers["chassis.track_width_m"] = Answer(track_m, "by turns on the floor")
+            self.answers["chassis.track_width_m"] = FoundValue(track_m, "by turns on the floor")
 
     async def _ask_sensors(self, board: Found) -> None:
         """Each sensor of which lines come: where it is, or that there is none."""
@@ -219,7 +219,7 @@ class Walk:
                 "The board sends lines of an IMU. Is one on the robot?", default=True
             )
         ):
-            self.answers["imu"] = Answer(False, "there is none")
+            self.answers["imu"] = FoundValue(False, "there is none")
         if (
             board.link is not None
             and sends("b")
@@ -227,7 +227,7 @@ class Walk:
                 "The board sends the battery's level. Is the battery wired to it by a divider?", default=True
             )
         ):
-            self.answers["battery"] = Answer(False, "it is not wired")
+            self.answers["battery"] = FoundValue(False, "it is not wired")
         for lidar in board.lidars[:1]:
             model = (
                 "ld19" if lidar.kind == "ld06_ld19" else "rplidar_a2" if "A2" in lidar.told else "rplidar_a1"
@@ -236,9 +236,11 @@ class Walk:
                 f"{lidar.device} is {lidar.told}. How far is its middle ahead of the axle between the driven wheels "
                 "(negative: behind)?", "cm", -MOST_CM, MOST_CM, 0.0,
             )  # fmt: skip
-            self.answers[f"{LIDAR}.model"] = Answer(model, lidar.told)
-            self.answers[f"{LIDAR}.device"] = Answer(lidar.device, "better its name in /dev/serial/by-id/")
-            self.answers[f"{LIDAR}.mount_x_m"] = Answer(
+            self.answers[f"{LIDAR}.model"] = FoundValue(model, lidar.told)
+            self.answers[f"{LIDAR}.device"] = FoundValue(
+                lidar.device, "better its name in /dev/serial/by-id/"
+            )
+            self.answers[f"{LIDAR}.mount_x_m"] = FoundValue(
                 round((ahead_cm or 0.0) / 100, 4), "ahead of the axle"
             )
 
@@ -246,7 +248,7 @@ class Walk:
         if not await self._interview.agrees(
             "The board sends readings of an ultrasonic sensor. Is one on the robot?", default=True
         ):
-            self.answers["ultrasonic"] = Answer(False, "there is none")
+            self.answers["ultrasonic"] = FoundValue(False, "there is none")
             return
         usual = self._usual.ultrasonic
         ahead_cm = await self._interview.number(
@@ -254,7 +256,7 @@ class Walk:
             None if usual is None else round(usual.mount_x_m * 100, 2),
         )  # fmt: skip
         if ahead_cm is not None:
-            self.answers["ultrasonic.mount_x_m"] = Answer(round(ahead_cm / 100, 4), "ahead of the axle")
+            self.answers["ultrasonic.mount_x_m"] = FoundValue(round(ahead_cm / 100, 4), "ahead of the axle")
 
     async def _ask_outline(self) -> None:
         """Length, width and height; without them there is no body, and never ChefBot's."""
@@ -276,11 +278,11 @@ class Walk:
                 return
             sizes_m[side] = round(size_cm / 100, 4)
         for side, size_m in sizes_m.items():
-            self.answers[f"body.{side}_m"] = Answer(size_m, "with all that sticks out")
+            self.answers[f"body.{side}_m"] = FoundValue(size_m, "with all that sticks out")
 
     def leave_out_body(self) -> None:
         """Nobody measured the outline: it is never the packaged robot's."""
-        self.answers["body"] = Answer(False, "not measured: the box about the wheels is the outline")
+        self.answers["body"] = FoundValue(False, "not measured: the box about the wheels is the outline")
 
     def leave_out_unasked(self) -> None:
         """End early: what was not asked counts as not measured."""

@@ -87,7 +87,7 @@ async def _turn_one(interview: Interview, robot: Client, name: str) -> float | N
             return counted[name] / turns
 
 
-class Motors(Record, frozen=True):
+class FoundMotors(Record, frozen=True):
     """The sign of each motor, and what the motors give."""
 
     signs: Mapping[str, int]
@@ -96,7 +96,7 @@ class Motors(Record, frozen=True):
 
 async def run_motors(
     interview: Interview, robot: Client, wheels: list[str], radius_m: float
-) -> Motors | None:
+) -> FoundMotors | None:
     """Run each wheel at a low and at full duty, on blocks; None where that was skipped, or a wheel did not turn."""
     if not await interview.typed_yes(
         f"{HANG_FREE} Each wheel is then turned by its motor, one after the other: slowly for a second, then AT FULL "
@@ -116,7 +116,7 @@ async def run_motors(
         )
         runs[name] = run
     signs = {name: 1 if run.full_rad_s[name] > 0 else -1 for name, run in runs.items()}
-    return Motors(signs, motor_figures(runs, radius_m))
+    return FoundMotors(signs, motor_figures(runs, radius_m))
 
 
 def _problem(name: str, run: WheelSpeeds) -> str:

@@ -49,7 +49,7 @@ class Post(Record, frozen=True):
     body: bytes
 
 
-class Target(Record, frozen=True):
+class MessageServer(Record, frozen=True):
     """A server that is told: ``name`` is ``ntfy`` or ``webhook``."""
 
     name: str
@@ -78,13 +78,13 @@ class Target(Record, frozen=True):
         return Post(self.url.get_secret_value(), headers, body.encode())
 
 
-def targets_of(section: NotificationsParameters) -> list[Target]:
+def targets_of(section: NotificationsParameters) -> list[MessageServer]:
     """Every server that the section names."""
     pairs = (
         ("ntfy", section.ntfy_url, section.ntfy_token),
         ("webhook", section.webhook_url, section.webhook_token),
     )
-    return [Target(name, url, token) for name, url, token in pairs if url is not None]
+    return [MessageServer(name, url, token) for name, url, token in pairs if url is not None]
 
 
 class Attempt:

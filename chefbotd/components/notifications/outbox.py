@@ -10,7 +10,7 @@ from typing import Any, Final
 import structlog
 
 from chefbotd.clock import Clock
-from chefbotd.components.notifications.delivery import NotTaken, Post, Target
+from chefbotd.components.notifications.delivery import MessageServer, NotTaken, Post
 from chefbotd.components.notifications.episodes import Notice
 from chefbotd.components.notifications.events import ToldServer
 from chefbotd.components.notifications.parameters import NoticeKind
@@ -27,7 +27,7 @@ GIVE_UP_S: Final = 6 * 3600.0
 Deliver = Callable[[Post], Awaitable[None]]
 
 
-class Outbox:
+class MessageQueue:
     """The messages for one server, sent one after the other, the oldest first; in a full one the oldest gives way.
 
     ``changed`` is called when there is something new to know of them.
@@ -35,7 +35,7 @@ class Outbox:
 
     def __init__(
         self,
-        target: Target,
+        target: MessageServer,
         robot: str,
         clock: Clock,
         send: Deliver,

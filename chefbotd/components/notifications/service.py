@@ -16,7 +16,7 @@ from chefbotd.components.notifications.episodes import (
     WheelEpisodes,
 )
 from chefbotd.components.notifications.events import NotificationsChanged, NotificationsData
-from chefbotd.components.notifications.outbox import Deliver, Outbox
+from chefbotd.components.notifications.outbox import Deliver, MessageQueue
 from chefbotd.components.notifications.parameters import NoticeKind, NotificationsParameters
 from chefbotd.core.events import BatteryMeasured, DriveWarned, SafetyChanged
 from chefbotd.event_classes import class_of
@@ -44,7 +44,7 @@ class NotificationService:
     ) -> None:
         self._bus, self._clock, self._kinds = bus, clock, section.kinds
         self.outboxes = [
-            Outbox(target, robot, clock, send, wall_s, self._publish) for target in targets_of(section)
+            MessageQueue(target, robot, clock, send, wall_s, self._publish) for target in targets_of(section)
         ]
         self._goals = GoalEpisodes(section.stuck_after_s)
         self._listen(bus, SafetyChanged, FaultEpisodes().take_safety)

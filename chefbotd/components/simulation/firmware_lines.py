@@ -39,7 +39,7 @@ class Seal(Enum):
     WRONG = 2
 
 
-class Request(Record, frozen=True):
+class FirmwareRequest(Record, frozen=True):
     """A word (empty: none that is known), and the numbers after it."""
 
     word: str
@@ -59,11 +59,11 @@ def seal_of(line: bytes) -> Seal:
     return Seal.GOOD if line[1 - SEAL_CHARACTERS :] == b"%04X" % crc_16(body) else Seal.WRONG
 
 
-def parse(body: bytes) -> Request:
+def parse(body: bytes) -> FirmwareRequest:
     """The fields of a line without its seal."""
     word, *texts = body.split(b" ")
     name = word.decode("ascii", "replace")
-    return Request(name if name in NUMBERS_OF else "", tuple(map(_number, texts)))
+    return FirmwareRequest(name if name in NUMBERS_OF else "", tuple(map(_number, texts)))
 
 
 def _number(text: bytes) -> int:
@@ -86,7 +86,7 @@ class Line(Record, frozen=True):
         return len(self.text) > LINE_BYTES or not _PRINTABLE.fullmatch(self.text)
 
 
-class Receiver:
+class FirmwareReceiver:
     """The receive ring: bytes come in at any time, and a pass of the main loop takes the lines that wait.
 
     ``estops`` counts the lines that ended in the e-stop's word, of which the receive interrupt tells. ``cut_lines``
@@ -156,7 +156,7 @@ class Receiver:
         return None
 
 
-class Printer:
+class FirmwarePrinter:
     """Sends the board's lines while there is room for them; ``send`` puts bytes on the wire."""
 
     def __init__(self, send: Callable[[bytes], None], room_bytes: Callable[[], int]) -> None:

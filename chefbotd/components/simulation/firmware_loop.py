@@ -78,7 +78,7 @@ class _Wheel(Struct):
     lost_count: int = 0
 
 
-class WheelLoop:
+class FirmwareWheelLoop:
     """A speed control of each wheel, a step each millisecond; ``edges`` reads the encoders.
 
     ``lost`` are the wheels that their duty has not turned its way for a while: 1 for a left one, 2 for a right one.

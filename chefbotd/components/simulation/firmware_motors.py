@@ -5,7 +5,7 @@ from enum import Enum, IntFlag
 
 from msgspec import Struct
 
-from chefbotd.components.simulation.firmware_loop import WheelLoop
+from chefbotd.components.simulation.firmware_loop import FirmwareWheelLoop
 from chefbotd.core.record import Record
 
 FULL_DUTY = 255
@@ -38,7 +38,7 @@ def next_tick_us(at_us: int) -> int:
     return at_us - since_wrap_us + -(-since_wrap_us // TICK_US) * TICK_US
 
 
-class Motion(Enum):
+class CommandOutcome(Enum):
     """What became of a command."""
 
     OBEYED = 0
@@ -46,7 +46,7 @@ class Motion(Enum):
     STALE = 2
 
 
-class Received(Record, frozen=True):
+class CommandReceipt(Record, frozen=True):
     """When a command came in, and its sequence number (None: it has none)."""
 
     at_us: int
@@ -70,11 +70,11 @@ class MotorsState(Record, frozen=True):
     estop: int = 0
 
 
-class Motors:
+class FirmwareMotors:
     """``write`` puts a duty on the motors, ``kept`` has the e-stop over restarts."""
 
     def __init__(
-        self, write: Callable[[tuple[int, ...]], None], kept: Kept, loop: WheelLoop, wheels: int
+        self, write: Callable[[tuple[int, ...]], None], kept: Kept, loop: FirmwareWheelLoop, wheels: int
     ) -> None:
         self._write, self._kept, self.loop = write, kept, loop
         self._still = (0,) * wheels
@@ -89,38 +89,38 @@ class Motors:
         """The state now."""
         return MotorsState(self.duty, self.mode, self.stops, self.of, self._kept.estop)
 
-    def set_duty(self, duty: tuple[int, ...], received: Received, now_us: int) -> Motion:
+    def set_duty(self, duty: tuple[int, ...], received: CommandReceipt, now_us: int) -> CommandOutcome:
         """Duty for each wheel, limited. 0 for all is always obeyed, and ends a stall and what a wheel has stopped."""
         motion = self._accept_motion(not any(duty), received, now_us)
-        if motion is Motion.OBEYED:
+        if motion is CommandOutcome.OBEYED:
             self.mode = DUTY_MODE
             self._set_duty(tuple([max(-FULL_DUTY, min(FULL_DUTY, value)) for value in duty]))
         return motion
 
-    def set_speeds(self, mrad_s: tuple[int, ...], received: Received, now_us: int) -> Motion:
+    def set_speeds(self, mrad_s: tuple[int, ...], received: CommandReceipt, now_us: int) -> CommandOutcome:
         """Speeds for the wheel loop."""
         motion = self._accept_motion(False, received, now_us)
-        if motion is Motion.OBEYED:
+        if motion is CommandOutcome.OBEYED:
             if self.mode != LOOP_MODE:
                 self.loop.begin()
             self.mode = LOOP_MODE
             self.loop.aim(mrad_s)
         return motion
 
-    def _accept_motion(self, is_stop: bool, received: Received, now_us: int) -> Motion:
+    def _accept_motion(self, is_stop: bool, received: CommandReceipt, now_us: int) -> CommandOutcome:
         is_stale = bool(self.deadman_us) and now_us - received.at_us >= self.deadman_us
         if is_stale and not is_stop:
-            return Motion.STALE
+            return CommandOutcome.STALE
         if is_stop:
             self.stops &= ~(Stops.STALL | OF_WHEELS)
         elif self.stops & LATCHED:
-            return Motion.STOPPED
+            return CommandOutcome.STOPPED
         if (received.sequence is not None and not is_stale) or not self.deadman_us:
             self.fed_us = received.at_us
             self.stops &= ~Stops.DEAD_MAN
         if received.sequence is not None:
             self.of = received.sequence
-        return Motion.OBEYED
+        return CommandOutcome.OBEYED
 
     def estop(self) -> None:
         """Latch, with the next number."""

@@ -1,7 +1,7 @@
 """The program of our own firmware: a model of ``firmware/core`` in both its modes (docs/firmware_wire.md).
 
-It holds no clock and knows no robot: ``Hardware`` is what a board provides. It is held to the golden conversations of
-the real one (``tests/vectors/firmware``).
+It holds no clock and knows no robot: ``BoardHardware`` is what a board provides. It is held to the golden
+conversations of the real one (``tests/vectors/firmware``).
 """
 
 from typing import Protocol
@@ -9,10 +9,10 @@ from typing import Protocol
 from chefbotd.components.simulation.firmware_lines import (
     ESTOP,
     SEAL_CHARACTERS,
+    FirmwarePrinter,
+    FirmwareReceiver,
+    FirmwareRequest,
     Line,
-    Printer,
-    Receiver,
-    Request,
     Seal,
     parse,
     seal_of,
@@ -22,17 +22,17 @@ from chefbotd.components.simulation.firmware_loop import (
     MOST_SPEED_MRAD_S,
     RANGES,
     Edges,
+    FirmwareWheelLoop,
     Parameter,
-    WheelLoop,
 )
 from chefbotd.components.simulation.firmware_motors import (
     LATCHED,
     TICK_US,
     UINT32_SPAN,
+    CommandOutcome,
+    CommandReceipt,
+    FirmwareMotors,
     Kept,
-    Motion,
-    Motors,
-    Received,
     next_tick_us,
 )
 from chefbotd.components.simulation.firmware_report import Report
@@ -58,10 +58,10 @@ WORD, COUNT, RANGE, STOPPED, NOT_SET_UP, ESTOP_NUMBER, UNKNOWN_PROTO = range(1, 
 STALE = 0
 """A line that came too late is not answered."""
 
-REFUSED_MOTIONS = {Motion.OBEYED: None, Motion.STOPPED: STOPPED, Motion.STALE: STALE}
+REFUSED_MOTIONS = {CommandOutcome.OBEYED: None, CommandOutcome.STOPPED: STOPPED, CommandOutcome.STALE: STALE}
 
 
-class Hardware(Protocol):
+class BoardHardware(Protocol):
     """What a board provides."""
 
     def write_motors(self, duty: tuple[int, ...]) -> None:
@@ -93,7 +93,7 @@ class FirmwareProgram:
 
     def __init__(
         self,
-        hardware: Hardware,
+        hardware: BoardHardware,
         kept: Kept,
         now_us: int,
         cause: int,
@@ -106,8 +106,10 @@ class FirmwareProgram:
         self._hardware, self._wheels = hardware, wheels
         self._has_loop = bool(capabilities & WHEEL_LOOP)
         self._has_ultrasonic = bool(capabilities & ULTRASONIC)
-        self.motors = Motors(hardware.write_motors, kept, WheelLoop(hardware.edges, wheels), wheels)
-        self._printer, self.receiver = Printer(hardware.send, hardware.room_bytes), Receiver()
+        self.motors = FirmwareMotors(
+            hardware.write_motors, kept, FirmwareWheelLoop(hardware.edges, wheels), wheels
+        )
+        self._printer, self.receiver = FirmwarePrinter(hardware.send, hardware.room_bytes), FirmwareReceiver()
         self._at_start = tuple([count for count, _ in hardware.edges()])
         named = PROTO, *VERSION, board, capabilities, cause
         self._report = Report(
@@ -224,7 +226,7 @@ class FirmwareProgram:
         if (
             not is_allowed
             or not is_complete
-            or self._obey_request(request, Received(line.at_us), now_us) is not None
+            or self._obey_request(request, CommandReceipt(line.at_us), now_us) is not None
         ):
             self.counters.refused += 1
 
@@ -235,7 +237,7 @@ class FirmwareProgram:
     def _count_of(self, word: str) -> int:
         return self._wheels if word in ("s", "w") else {"g": 2, "hello": 2, "arm": 1}.get(word, 0)
 
-    def _take_sealed(self, request: Request, at_us: int, now_us: int) -> None:
+    def _take_sealed(self, request: FirmwareRequest, at_us: int, now_us: int) -> None:
         sequence, self._valid_us = request.sequence, at_us
         if self.is_checked and sequence is not None and request.word != "hello":
             self.counters.gaps += (sequence - self._expected) % SEQUENCE_SPAN
@@ -248,7 +250,7 @@ class FirmwareProgram:
         elif sequence is None:
             refusal = RANGE
         else:
-            refusal = self._obey_request(request, Received(at_us, sequence), now_us)
+            refusal = self._obey_request(request, CommandReceipt(at_us, sequence), now_us)
         if refusal is not None:
             self.counters.refused += 1
         if refusal:
@@ -259,7 +261,7 @@ class FirmwareProgram:
             return False
         return word != "" and (self.is_checked or word not in ("s", "w", "g"))
 
-    def _obey_request(self, request: Request, received: Received, now_us: int) -> int | None:
+    def _obey_request(self, request: FirmwareRequest, received: CommandReceipt, now_us: int) -> int | None:
         """Obey a request with the right number of numbers; why not, or None."""
         numbers = request.numbers
         match request.word:
@@ -272,7 +274,7 @@ class FirmwareProgram:
             case "arm":
                 return None if self.motors.arm(numbers[0]) else ESTOP_NUMBER
             case "r":
-                self.motors.set_duty((0,) * self._wheels, Received(received.at_us), now_us)
+                self.motors.set_duty((0,) * self._wheels, CommandReceipt(received.at_us), now_us)
                 self._reset_us = received.at_us + RESET_DELAY_US
                 self._printer.plain("Reset Done\r\n")
             case "hello":
@@ -287,12 +289,12 @@ class FirmwareProgram:
                 return WORD
         return None
 
-    def _take_duty(self, duty: tuple[int, ...], received: Received, now_us: int) -> int | None:
+    def _take_duty(self, duty: tuple[int, ...], received: CommandReceipt, now_us: int) -> int | None:
         if not all(INT16[0] <= value <= INT16[1] for value in duty):
             return RANGE
         return REFUSED_MOTIONS[self.motors.set_duty(duty, received, now_us)]
 
-    def _take_speeds(self, mrad_s: tuple[int, ...], received: Received, now_us: int) -> int | None:
+    def _take_speeds(self, mrad_s: tuple[int, ...], received: CommandReceipt, now_us: int) -> int | None:
         if not all(abs(speed) <= MOST_SPEED_MRAD_S for speed in mrad_s):
             return RANGE
         if not self.motors.loop.is_set_up:
@@ -314,7 +316,7 @@ class FirmwareProgram:
         self._printer.sealed("g", parameter, value)
         return None
 
-    def _take_hello(self, proto: int, deadman_ms: int, received: Received) -> int | None:
+    def _take_hello(self, proto: int, deadman_ms: int, received: CommandReceipt) -> int | None:
         if proto != PROTO:
             return UNKNOWN_PROTO
         if not DEADMAN_MS[0] <= deadman_ms <= DEADMAN_MS[1]:

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 from msgspec import Struct
 
-from chefbotd.components.simulation.firmware_lines import Printer, Receiver
-from chefbotd.components.simulation.firmware_motors import Motors, MotorsState
+from chefbotd.components.simulation.firmware_lines import FirmwarePrinter, FirmwareReceiver
+from chefbotd.components.simulation.firmware_motors import FirmwareMotors, MotorsState
 from firmware_protocol.codec import PUBLISHED_BANNER, PUBLISHED_FAILURES
 
 CLASSIC_US, CHECKED_US = 20_000, 10_000
@@ -56,9 +56,9 @@ class Report:
 
     def __init__(
         self,
-        printer: Printer,
-        receiver: Receiver,
-        motors: Motors,
+        printer: FirmwarePrinter,
+        receiver: FirmwareReceiver,
+        motors: FirmwareMotors,
         counts: Callable[[], list[int]],
         named: tuple[int, ...],
         now_us: int,

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from chefbotd.components.simulation.axles import Wheels
 from chefbotd.components.simulation.parameters.sketches import PwmLaw
 from chefbotd.components.simulation.robot import Robot
-from chefbotd.components.simulation.sensors import Motion
+from chefbotd.components.simulation.sensors import ImuMotion
 from chefbotd.core.record import Record
 from firmware_protocol.messages import ResetBoard, SetDuty
 
@@ -219,7 +219,7 @@ class MotionSample(Record, frozen=True):
     """A motion, and when it was sampled."""
 
     at_s: float
-    motion: Motion
+    motion: ImuMotion
 
 
 class MotionProcessor:

@@ -15,7 +15,7 @@ from chefbotd.components.simulation.crowd import Crowd
 from chefbotd.components.simulation.ground import Slip
 from chefbotd.components.simulation.parameters.motor import SimBodyParameters
 from chefbotd.components.simulation.plant import Plant, Push, WheelState
-from chefbotd.components.simulation.sensors import Battery, Motion, Tilt
+from chefbotd.components.simulation.sensors import Battery, ImuMotion, Tilt
 from chefbotd.core.events import TruthSimulated
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import Record, replace
@@ -140,11 +140,11 @@ class Robot(ABC):
         return self._crowd
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> ImuMotion:
         """The motion that its IMU measures."""
         state = self._now
         sideways = state.twist.linear_m_s * state.twist.angular_rad_s
-        motion = Motion(
+        motion = ImuMotion(
             state.world_from_base.heading_rad,
             state.twist.angular_rad_s,
             state.forward_m_s2,

@@ -152,7 +152,7 @@ class Tilt(Record, frozen=True):
     felt_m_s2: tuple[float, float, float]
 
 
-class Motion(Record, frozen=True):
+class ImuMotion(Record, frozen=True):
     """The motion that an IMU measures: heading (world frame), angular rate, and acceleration in the base frame.
 
     ``turned_rad`` is the turn since power-on, not wrapped. ``tilt`` None: the robot is level.
@@ -173,7 +173,7 @@ class Imu:
         self,
         parameters: SimImuParameters,
         booted_s: float,
-        booted: Motion,
+        booted: ImuMotion,
         true: TrueImu | None = None,
     ) -> None:
         """``booted`` is the motion at ``booted_s``; ``true`` None: an IMU without errors of mount and scale."""
@@ -182,7 +182,7 @@ class Imu:
         self._base_from_sensor = _rotation(self._true)
 
     def orientation(
-        self, motion: Motion, at_s: float, chance: np.random.Generator
+        self, motion: ImuMotion, at_s: float, chance: np.random.Generator
     ) -> tuple[float, float, float, float]:
         """The quaternion (x, y, z, w) of a level robot with this motion at ``at_s``.
 
@@ -203,7 +203,7 @@ class Imu:
         return _leaning(quaternion, true.mount_pitch_rad, true.mount_roll_rad)
 
     def counts(
-        self, motion: Motion, chance: np.random.Generator
+        self, motion: ImuMotion, chance: np.random.Generator
     ) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
         """Raw int16 readings, acceleration (gravity included) and angular rate, each x y z."""
         tilt = motion.tilt

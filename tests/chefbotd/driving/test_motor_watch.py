@@ -7,7 +7,7 @@ from chefbotd.driving.motor_watch import MotorWatch
 from chefbotd.driving.wheel_reader import WheelReader
 from chefbotd.motion.kinematics import ChassisParameters, Side, WheelParameters
 from chefbotd.safety.faults import FaultKind
-from chefbotd.safety.in_force import Command
+from chefbotd.safety.in_force import WrittenCommand
 from chefbotd.settings import load
 
 CYCLE_S, STEP_COUNTS, LATE_S = 0.05, 60, 0.002
@@ -38,7 +38,7 @@ class Rig:
         echoed = None
         if self.echo is not None:
             echoed = self.watch.note_echo(DutyEchoed(now_s - 0.004, now_s, self.echo))
-        self.watch.note_command(Command(now_s, duty, (0.0,) * len(self.counts), setpoint_m_s))
+        self.watch.note_command(WrittenCommand(now_s, duty, (0.0,) * len(self.counts), setpoint_m_s))
         return faults if echoed is None else [*faults, echoed.kind]
 
     def drive(self, seconds: float) -> float:
@@ -150,7 +150,7 @@ def pushed(cycle_s: float, most_s: float, steps: int, turns_round_s: float = 1e9
         seen = reader.read(event, (0.2, 0.2))
         for fault in watch.watch(now_s, seen, reader.effort):
             return fault.kind, now_s
-        watch.note_command(Command(now_s, (sign * 512,) * 2, (sign * 0.5,) * 2, (sign * 0.2,) * 2))
+        watch.note_command(WrittenCommand(now_s, (sign * 512,) * 2, (sign * 0.5,) * 2, (sign * 0.2,) * 2))
     raise AssertionError("no fault was found")
 
 

@@ -83,7 +83,7 @@ class Kept:
     ) -> None:
         """A good reading after ``dt_s``, in which the wheels were driven so."""
         motors, began_s = self.keeper.motors, self.clock.now_s()
-        motors.note_command(in_force.Command(began_s - 1.0, (60, 40), effort, FAST_M_S))
+        motors.note_command(in_force.WrittenCommand(began_s - 1.0, (60, 40), effort, FAST_M_S))
         motors.note_line(EncodersCounted(began_s - 0.001, began_s, 0.0, (0, 0)))
         self.clock.advance(dt_s)
         now_s = self.clock.now_s()
@@ -293,7 +293,7 @@ def echo_story(kept: Kept, reconnect: bool) -> FaultKind | None:
             kept.keeper.arm()
         kept.clock.advance(0.02)
         kept.keeper.motors.note_command(
-            in_force.Command(kept.clock.now_s(), (40, -9), (0.0, 0.0), (0.0, 0.0))
+            in_force.WrittenCommand(kept.clock.now_s(), (40, -9), (0.0, 0.0), (0.0, 0.0))
         )
         kept.bus.publish(DutyEchoed(kept.clock.now_s(), kept.clock.now_s(), duty))
     return kept.keeper.gate.fault

@@ -6,7 +6,7 @@ import math
 import pytest
 
 from chefbotd.clock import ManualClock, run_virtual
-from chefbotd.rpc.arrivals import Arrival, Arrivals
+from chefbotd.rpc.arrivals import Arrivals, ByteArrival
 from tests.fakes.api import new_server
 from tests.fakes.robot import FakeRobot
 
@@ -53,12 +53,12 @@ def test_two_ticks_are_little_of_the_time_that_a_command_holds(
 
 def test_each_transport_marks_its_unread_bytes_before_a_stop() -> None:
     """Two transports are told the time, the stops until now (1, then none) and whose stop it is."""
-    arrivals, marked = Arrivals(ManualClock(7.0)), list[tuple[str, Arrival, object]]()
+    arrivals, marked = Arrivals(ManualClock(7.0)), list[tuple[str, ByteArrival, object]]()
     arrivals.record_stop(None, "Bob")
     arrivals.add_transport(lambda arrival, client: marked.append(("tcp", arrival, client)))
     arrivals.add_transport(lambda arrival, client: marked.append(("web", arrival, client)))
     arrivals.record_stop("her connection", "Ann")
-    before = Arrival(7.0, 1)
+    before = ByteArrival(7.0, 1)
     assert marked == [("tcp", before, "her connection"), ("web", before, "her connection")]
     assert (arrivals.stops, arrivals.stopped_by) == (2, "Ann")
     assert arrivals.is_before_a_stop(before)

@@ -5,10 +5,10 @@ import re
 from hypothesis import given
 from hypothesis import strategies as st
 
-from chefbotd.rpc.arrivals import Arrival
+from chefbotd.rpc.arrivals import ByteArrival
 from chefbotd.rpc.backlog import Backlog, ReceivedLine
 
-NOW = Arrival(1.0, 0)
+NOW = ByteArrival(1.0, 0)
 
 
 def backlog(*chunks: bytes, longest_bytes: int = 20) -> Backlog:
@@ -89,8 +89,8 @@ def test_a_stop_that_was_the_first_line_has_all_others_behind_it() -> None:
 def test_what_came_before_the_stop_of_another_stays_so_behind_a_stop_of_its_own() -> None:
     """Stop 5 was another client's, stop 6 is ours: what came before the fifth was not sent after it by that."""
     waiting = backlog()
-    waiting.add(b"a!\nold\n", Arrival(1.0, 4))
-    waiting.add(b"new\n", Arrival(1.1, 5))
+    waiting.add(b"a!\nold\n", ByteArrival(1.0, 4))
+    waiting.add(b"new\n", ByteArrival(1.1, 5))
     assert waiting.take_line() is not None
     waiting.record_own_stop(5, 6)
     assert stops_before(waiting) == [(b"old", 4), (b"new", 6)]
@@ -99,16 +99,16 @@ def test_what_came_before_the_stop_of_another_stays_so_behind_a_stop_of_its_own(
 def test_a_line_is_as_old_as_its_first_byte() -> None:
     """However many chunks it came in, and whatever was taken before it."""
     waiting = backlog()
-    waiting.add(b"a\nb", Arrival(1.0, 0))
-    waiting.add(b"bb\nc\nd!\n", Arrival(1.5, 1))
-    waiting.add(b"e\n", Arrival(2.5, 2))
-    assert waiting.take_line() == ReceivedLine(bytearray(b"a"), Arrival(1.0, 0))
+    waiting.add(b"a\nb", ByteArrival(1.0, 0))
+    waiting.add(b"bb\nc\nd!\n", ByteArrival(1.5, 1))
+    waiting.add(b"e\n", ByteArrival(2.5, 2))
+    assert waiting.take_line() == ReceivedLine(bytearray(b"a"), ByteArrival(1.0, 0))
     assert waiting.find_urgent() == b"d!"
     waiting.remove_found()
     assert [waiting.take_line() for _ in range(3)] == [
-        ReceivedLine(bytearray(b"bbb"), Arrival(1.0, 0)),
-        ReceivedLine(bytearray(b"c"), Arrival(1.5, 1)),
-        ReceivedLine(bytearray(b"e"), Arrival(2.5, 2)),
+        ReceivedLine(bytearray(b"bbb"), ByteArrival(1.0, 0)),
+        ReceivedLine(bytearray(b"c"), ByteArrival(1.5, 1)),
+        ReceivedLine(bytearray(b"e"), ByteArrival(2.5, 2)),
     ]
 
 

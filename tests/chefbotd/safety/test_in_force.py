@@ -4,15 +4,15 @@ import random
 
 import pytest
 
-from chefbotd.safety.in_force import Command, Envelope, InForce
+from chefbotd.safety.in_force import Envelope, InForce, WrittenCommand
 
 CYCLE_S = 0.05
 
 
-def command(since_s: float, duty: int, setpoint_m_s: float | None = None) -> Command:
+def command(since_s: float, duty: int, setpoint_m_s: float | None = None) -> WrittenCommand:
     """The same for both wheels: this duty, of 200 in all, for a speed of a thousandth of it unless told another."""
     speed_m_s = duty / 1000 if setpoint_m_s is None else setpoint_m_s
-    return Command(since_s, (duty, duty), (duty / 200,) * 2, (speed_m_s,) * 2)
+    return WrittenCommand(since_s, (duty, duty), (duty / 200,) * 2, (speed_m_s,) * 2)
 
 
 class Board:
@@ -24,7 +24,7 @@ class Board:
         self.in_force.note_command(self.read)
         self.now_s, self.over = 0.0, [self.obeyed]
 
-    def hear(self, heard: Command) -> None:
+    def hear(self, heard: WrittenCommand) -> None:
         """A command is written now."""
         self.in_force.note_command(heard)
         if self.at_once:
@@ -32,8 +32,8 @@ class Board:
             self.obeyed = heard
 
     def cycle(
-        self, began_s: float, switches_s: float, heard: list[Command]
-    ) -> tuple[Envelope | None, list[Command]]:
+        self, began_s: float, switches_s: float, heard: list[WrittenCommand]
+    ) -> tuple[Envelope | None, list[WrittenCommand]]:
         """Encoders at ``began_s``, the command that was read in force at ``switches_s``: what can have been, and was."""
         line = self.in_force
         line.note_line(began_s, began_s + 0.003, has_clock=True)

@@ -1,13 +1,13 @@
 """How old a client's bytes can be."""
 
 from chefbotd.clock import ManualClock
-from chefbotd.rpc.arrivals import Arrival, Arrivals
+from chefbotd.rpc.arrivals import Arrivals, ByteArrival
 from chefbotd.transport.unread import HeldBytes
 
 LINE = b'{"method":"ping"}\n'
 
 
-def held_at(clock: ManualClock, unread_since: Arrival | None = None) -> tuple[HeldBytes, Arrivals]:
+def held_at(clock: ManualClock, unread_since: ByteArrival | None = None) -> tuple[HeldBytes, Arrivals]:
     """Nothing was held before; there was no tick, so that what is read has come just now."""
     arrivals = Arrivals(clock)
     return HeldBytes(arrivals, unread_since), arrivals
@@ -26,8 +26,8 @@ def test_a_request_is_as_old_as_its_first_byte() -> None:
 
 def test_what_is_held_behind_its_own_stop_is_newer_than_that_one_alone() -> None:
     """Stop 1 was the client's: what had arrived before it counts as sent after it; another's stop 2 stays after that."""
-    held, _ = held_at(ManualClock(1.0), Arrival(0.5, stops=0))
+    held, _ = held_at(ManualClock(1.0), ByteArrival(0.5, stops=0))
     held.record_own_stop(0, 1)
-    assert held.unread_since == Arrival(0.5, stops=1)
+    assert held.unread_since == ByteArrival(0.5, stops=1)
     held.record_own_stop(2, 3)
-    assert held.unread_since == Arrival(0.5, stops=1)
+    assert held.unread_since == ByteArrival(0.5, stops=1)

@@ -2,19 +2,19 @@
 
 import socket
 
-from chefbotd.rpc.arrivals import Arrival
+from chefbotd.rpc.arrivals import ByteArrival
 from chefbotd.transport.unread import UnreadSockets, unread_bytes
 
-BEFORE = Arrival(7.0, 3)
+BEFORE = ByteArrival(7.0, 3)
 
 
 class Reader:
     """Remembers what it is told."""
 
     def __init__(self) -> None:
-        self.marked: list[Arrival] = []
+        self.marked: list[ByteArrival] = []
 
-    def mark_unread(self, arrival: Arrival) -> None:
+    def mark_unread(self, arrival: ByteArrival) -> None:
         """Remember it."""
         self.marked.append(arrival)
 

@@ -9,7 +9,7 @@ from msgspec import json as msgspec_json
 
 from chefbot_ros2.rosbridge.protocol import ESTOP, Client, read_call
 from chefbotd.clock import Clock
-from chefbotd.rpc.arrivals import Arrival, Arrivals
+from chefbotd.rpc.arrivals import Arrivals, ByteArrival
 from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.jsonrpc import Failure, Request
@@ -74,7 +74,7 @@ class RosbridgeDispatcher(Dispatcher):
         """It has gone."""
         self._clients.pop(session, None)
 
-    def serve(self, caller: Caller, line: bytes | bytearray, arrival: Arrival | None = None) -> None:
+    def serve(self, caller: Caller, line: bytes | bytearray, arrival: ByteArrival | None = None) -> None:
         """Carry out one message, and answer it; a client that sends too many has the rest refused, and stays."""
         client = self._clients.get(caller.session)
         if client is None:
@@ -93,7 +93,7 @@ class RosbridgeDispatcher(Dispatcher):
             age_s = 0.0 if arrival is None else self._stops.age_s(arrival)
             client.handle(bytes(line), age_s, self._overtaken_by(arrival))
 
-    def _overtaken_by(self, arrival: Arrival | None) -> str:
+    def _overtaken_by(self, arrival: ByteArrival | None) -> str:
         if arrival is None or not self._stops.is_before_a_stop(arrival):
             return ""
         if self._stops.stopped_by == UNKNOWN:
@@ -102,7 +102,7 @@ class RosbridgeDispatcher(Dispatcher):
             )
         return f"a stop by {self._stops.stopped_by} came before it; send it again if it is still wanted"
 
-    def serve_request(self, caller: Caller, request: Request, arrival: Arrival | None = None) -> None:
+    def serve_request(self, caller: Caller, request: Request, arrival: ByteArrival | None = None) -> None:
         """An emergency stop: what others have sent before it moves nothing any more."""
         client = self._clients.get(caller.session)
         if client is not None:

@@ -56,7 +56,7 @@ SLIP_RAD2_PER_RAD = 2.5e-5
 """How the turn by wheels scatters in the OptiOdom recordings."""
 
 
-class Turned(Record, frozen=True):
+class ImuTurn(Record, frozen=True):
     """What an IMU shows: times (n,), and the unwrapped heading or the sum of its rates (n,)."""
 
     stamp_s: Floats
@@ -95,7 +95,7 @@ def fit_imu(robot: ConfiguredRobot, measurements: Measurements) -> StepResult:
     return replace(result, estimates=(*result.estimates, mount))
 
 
-def turned_by_imu(measurements: Measurements) -> Turned | None:
+def turned_by_imu(measurements: Measurements) -> ImuTurn | None:
     """The sum of the rates where there are any, else the unwrapped headings; None where there are too few of both."""
     rates = [(m.stamp_s, m.angular_velocity_rad_s[2]) for m in measurements.imu if m.angular_velocity_rad_s]
     headings = [(m.stamp_s, m.heading_rad) for m in measurements.imu if m.heading_rad is not None]
@@ -105,9 +105,9 @@ def turned_by_imu(measurements: Measurements) -> Turned | None:
     chosen = chosen[np.concatenate([[True], np.diff(chosen[:, 0]) > 0])]
     stamp_s, values = chosen[:, 0], chosen[:, 1]
     if not rates:
-        return Turned(stamp_s, np.unwrap(values), is_rate=False)
+        return ImuTurn(stamp_s, np.unwrap(values), is_rate=False)
     steps = (values[1:] + values[:-1]) / 2 * np.diff(stamp_s)
-    return Turned(stamp_s, np.concatenate([[0.0], np.cumsum(steps)]), is_rate=True)
+    return ImuTurn(stamp_s, np.concatenate([[0.0], np.cumsum(steps)]), is_rate=True)
 
 
 def _find_unpowered(
@@ -122,7 +122,7 @@ def _find_unpowered(
     return parts
 
 
-def _bias(shown: Turned, spans: list[tuple[float, float]]) -> tuple[float, float] | StepResult:
+def _bias(shown: ImuTurn, spans: list[tuple[float, float]]) -> tuple[float, float] | StepResult:
     """The mean rate at rest and its standard deviation, or why there is none."""
     means, lengths, spread = [], [], []
     for begin_s, end_s in spans:
@@ -189,7 +189,7 @@ class FittedImu(Record, frozen=True):
 
 
 def _fit_scale_and_lag(
-    shown: Turned, used: Flags, reference: tuple[Floats, Floats], bias: float, lag_s: float
+    shown: ImuTurn, used: Flags, reference: tuple[Floats, Floats], bias: float, lag_s: float
 ) -> FittedImu:
     """Scale and lag, and of headings the drift; the bias of rates is what it was at rest.
 

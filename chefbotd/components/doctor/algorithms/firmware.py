@@ -10,7 +10,7 @@ CLASSIC = (
 FLASH = "'chefbotctl flash' puts the firmware that does on it"
 
 
-class Firmware(Record, frozen=True):
+class FirmwareFacts(Record, frozen=True):
     """What our firmware says of itself; ``deadman_ms`` None where it does not stop by itself now."""
 
     version: str
@@ -25,7 +25,7 @@ class Firmware(Record, frozen=True):
     reason: str = ""
 
 
-def check_firmware(firmware: Firmware | None, *, is_board: bool) -> Finding:
+def check_firmware(firmware: FirmwareFacts | None, *, is_board: bool) -> Finding:
     """Which firmware it is, and its dead-man; ``firmware`` None: none of ours has named itself."""
     if not is_board:
         return skip_check(CHECK, "nothing was received from a board")
@@ -48,7 +48,7 @@ def check_firmware(firmware: Firmware | None, *, is_board: bool) -> Finding:
     return ok(CHECK, f"{name}; {_figures(firmware)}")
 
 
-def _figures(firmware: Firmware) -> str:
+def _figures(firmware: FirmwareFacts) -> str:
     trip = "" if firmware.round_trip_s is None else f", round trip {1000 * firmware.round_trip_s:.1f} ms"
     return (
         f"it stops {firmware.deadman_ms} ms after the last command; last start by {firmware.reset_cause}, "

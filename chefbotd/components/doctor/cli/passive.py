@@ -13,7 +13,7 @@ from chefbotd.client import Client, Event
 from chefbotd.client.state import State
 from chefbotd.components.doctor.algorithms.analogue import AnalogueInput, check_adc
 from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skip_check, warning
-from chefbotd.components.doctor.algorithms.firmware import Firmware, check_firmware
+from chefbotd.components.doctor.algorithms.firmware import FirmwareFacts, check_firmware
 from chefbotd.components.doctor.algorithms.host import check_baud
 from chefbotd.components.doctor.algorithms.latency import check_latency
 from chefbotd.components.doctor.algorithms.lidar import check_lidar
@@ -101,9 +101,9 @@ def line_findings(
     diagnosis: Diagnosis, heard: LinesHeard, reports: Sequence[Event[Any]] = ()
 ) -> list[Finding]:
     """What the lines themselves say, and what the daemon says of our firmware on the board."""
-    firmware = Firmware(heard.firmware, "", None) if heard.firmware else None
+    firmware = FirmwareFacts(heard.firmware, "", None) if heard.firmware else None
     if reports:
-        firmware = convert(reports[-1].data, Firmware, from_attributes=True)
+        firmware = convert(reports[-1].data, FirmwareFacts, from_attributes=True)
     return [
         check_heard(heard),
         *check_formats(heard),

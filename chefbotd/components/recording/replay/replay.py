@@ -96,7 +96,7 @@ class Replay:
         self._inbox: Inbox[Any] = daemon.bus.subscribe_all(MOST_EVENTS, NOT_COMPARED)
         self.outcome = ReplayOutcome(Comparison(left_out))
 
-    async def run(self, groups: Iterable[EntryGroup], pace: "Pace | None" = None) -> ReplayOutcome:
+    async def run(self, groups: Iterable[EntryGroup], pace: "ReplayPace | None" = None) -> ReplayOutcome:
         """Replay all of it; ``pace`` holds it back."""
         outcome = self.outcome
         try:
@@ -194,7 +194,7 @@ class Replay:
         return [(kind, encode(event)) for kind, event in events if takes(kind)]
 
 
-class Pace:
+class ReplayPace:
     """Holds a replay back to ``rate`` times the recorded speed."""
 
     def __init__(self, rate: float, now_s: Callable[[], float]) -> None:

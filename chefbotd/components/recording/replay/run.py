@@ -26,7 +26,7 @@ from chefbotd.components.recording.replay.recorded import (
     from_beginning,
     groups_of,
 )
-from chefbotd.components.recording.replay.replay import Pace, Replay, ReplayOutcome
+from chefbotd.components.recording.replay.replay import Replay, ReplayOutcome, ReplayPace
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.inputs import DaemonStarted
 from chefbotd.rpc.method import Method
@@ -142,7 +142,7 @@ async def replay_groups(
     )
     rate = wishes.rate or (1.0 if wishes.listen is not None else None)
     groups = chain((first,), others)
-    pace = None if rate is None else Pace(rate, asyncio.get_running_loop().time)
+    pace = None if rate is None else ReplayPace(rate, asyncio.get_running_loop().time)
     if wishes.listen is None:
         return await replay.run(groups, pace)
     async with Serving(daemon):

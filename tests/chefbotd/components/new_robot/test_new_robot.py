@@ -13,7 +13,7 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.components.doctor.listening.ports import SerialPort
-from chefbotd.components.new_robot.answers import Answer, unmeasured_keys
+from chefbotd.components.new_robot.answers import FoundValue, unmeasured_keys
 from chefbotd.components.new_robot.board import Serial
 from chefbotd.components.new_robot.command import _keep_unfinished, converse
 from chefbotd.components.new_robot.interview import Interview, NobodyAnswersError
@@ -280,7 +280,7 @@ def test_a_first_run_that_is_interrupted_leaves_the_packaged_robots_outline_out(
     walk, _ = conversation(
         tmp_path / "other.toml", None, Person(("name", ""), ("how far", ""), ("apart", ""), ("length", ""))
     )
-    walk.answers = {"robot.name": Answer("rover", ""), "link.baud": Answer(57600, "")}
+    walk.answers = {"robot.name": FoundValue("rover", ""), "link.baud": FoundValue(57600, "")}
     _keep_unfinished(path, walk, is_new=True)
     assert load(path).body is None
     assert {"chassis.wheels radius_m", "chassis.track_width_m"} <= unmeasured_keys(

@@ -16,9 +16,9 @@ from pydantic import SecretStr
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, ManualClock, run_virtual
 from chefbotd.components.notifications.cli import notify
-from chefbotd.components.notifications.delivery import NotTaken, Post, Target, Undeliverable, deliver
+from chefbotd.components.notifications.delivery import MessageServer, NotTaken, Post, Undeliverable, deliver
 from chefbotd.components.notifications.episodes import Notice
-from chefbotd.components.notifications.outbox import QUEUE_LENGTH, Outbox
+from chefbotd.components.notifications.outbox import QUEUE_LENGTH, MessageQueue
 from chefbotd.components.notifications.parameters import NoticeKind, NotificationsParameters
 from chefbotd.components.notifications.service import NotificationService
 from chefbotd.core.events import SafetyChanged
@@ -32,7 +32,7 @@ from tests.waiting import PATIENCE_S
 SECRET = "3f9c-topic-secret"
 TOKEN = "tk_AgQdq7mVBoFD37zQVN29RhuMzNIz2"
 URL = f"https://ntfy.example/{SECRET}"
-NTFY = Target("ntfy", SecretStr(URL), SecretStr(TOKEN))
+NTFY = MessageServer("ntfy", SecretStr(URL), SecretStr(TOKEN))
 
 
 def notice(text: str = "It has reached its goal.", stamp_s: float = 0.0) -> Notice:
@@ -54,11 +54,11 @@ class Server:
         self.posts.append(post)
 
 
-def run_outbox(server: Server, notices: list[Notice], seconds: float) -> tuple[Outbox, str]:
+def run_outbox(server: Server, notices: list[Notice], seconds: float) -> tuple[MessageQueue, str]:
     """Send them on the virtual clock; the outbox, and all that was logged."""
 
-    async def scenario() -> Outbox:
-        outbox = Outbox(NTFY, "kitchen", LoopClock(), server.send)
+    async def scenario() -> MessageQueue:
+        outbox = MessageQueue(NTFY, "kitchen", LoopClock(), server.send)
         for each in notices:
             outbox.add_notice(replace(each, stamp_s=LoopClock().now_s()))
         running = asyncio.create_task(outbox.run())
@@ -112,7 +112,7 @@ def test_in_a_full_queue_the_oldest_gives_way():
 
 def test_a_message_tried_again_keeps_its_number():
     """So that a webhook can drop what it has had."""
-    hook = Target("webhook", SecretStr("https://hook.example/x"), None)
+    hook = MessageServer("webhook", SecretStr("https://hook.example/x"), None)
     body = json.loads(hook.make_post(notice(), "kitchen", 0.0, "17").body)
     assert body == {
         "id": "17",
@@ -186,7 +186,7 @@ def test_a_real_server_gets_the_title_the_priority_and_the_token(
 ):
     """By the headers that ntfy documents."""
     url, got = loopback
-    target = Target("ntfy", SecretStr(f"{url}/topic?x=1"), SecretStr(TOKEN))
+    target = MessageServer("ntfy", SecretStr(f"{url}/topic?x=1"), SecretStr(TOKEN))
     asyncio.run(deliver(target.make_post(notice(), "kitchen", 0.0, "17")))
     ((path, headers, body),) = got
     assert (path, body) == ("/topic?x=1", b"It has reached its goal.")

@@ -7,7 +7,7 @@ import pytest
 
 from chefbotd.components.simulation.parameters.simulation import SimImuParameters, SimUltrasonicParameters
 from chefbotd.components.simulation.parameters.true import TrueImu
-from chefbotd.components.simulation.sensors import Imu, Motion, Ultrasonic, UltrasonicMount
+from chefbotd.components.simulation.sensors import Imu, ImuMotion, Ultrasonic, UltrasonicMount
 from chefbotd.components.simulation.world import World
 from chefbotd.core.geometry import Pose2D
 
@@ -19,7 +19,7 @@ EXACT_IMU = SimImuParameters(
     gyro_noise_rad_s=0,
     acceleration_noise_m_s2=0,
 )
-AT_REST = Motion(0.0, 0.0, 0.0, 0.0)
+AT_REST = ImuMotion(0.0, 0.0, 0.0, 0.0)
 
 
 def chance() -> np.random.Generator:
@@ -71,8 +71,8 @@ def test_echoes_are_lost_as_often_as_asked() -> None:
 
 def test_heading_counts_from_boot() -> None:
     """Booted at 0.5 rad and now at 0.5 + pi/2, the quaternion is a left turn by 90 degrees."""
-    imu = Imu(EXACT_IMU, booted_s=0, booted=Motion(0.5, 0.0, 0.0, 0.0))
-    turned = Motion(0.5 + math.pi / 2, 0.0, 0.0, 0.0)
+    imu = Imu(EXACT_IMU, booted_s=0, booted=ImuMotion(0.5, 0.0, 0.0, 0.0))
+    turned = ImuMotion(0.5 + math.pi / 2, 0.0, 0.0, 0.0)
     half = math.sqrt(0.5)
     assert imu.orientation(turned, 10.0, chance()) == pytest.approx((0, 0, half, half))
 
@@ -86,7 +86,7 @@ def test_heading_drifts_from_boot_and_is_biased() -> None:
 
 def test_raw_counts_are_those_of_the_data_sheet() -> None:
     """At rest the IMU feels 1 g upward = 16384; 2 rad/s are 114.6 degrees/s = 15012 counts."""
-    turning = Motion(0.0, 2.0, 9.80665 / 2, -9.80665 / 4)
+    turning = ImuMotion(0.0, 2.0, 9.80665 / 2, -9.80665 / 4)
     acceleration, rate = Imu(EXACT_IMU, 0, AT_REST).counts(turning, chance())
     assert acceleration == (8192, -4096, 16384)
     assert rate == (0, 0, round(math.degrees(2.0) * 131))
@@ -94,7 +94,7 @@ def test_raw_counts_are_those_of_the_data_sheet() -> None:
 
 def test_raw_counts_saturate() -> None:
     """Beyond int16 the sensor shows its ends."""
-    wild = Motion(0.0, 100.0, -1000.0, 0.0)
+    wild = ImuMotion(0.0, 100.0, -1000.0, 0.0)
     acceleration, rate = Imu(EXACT_IMU, 0, AT_REST).counts(wild, chance())
     assert acceleration[0] == -32768
     assert rate[2] == 32767
@@ -111,7 +111,7 @@ def test_an_ultrasonic_sensor_reads_by_its_offset_too_far() -> None:
 def test_a_gyroscopes_scale_grows_with_the_turn() -> None:
     """2 % too much of two whole turns are 0.08 pi; 2 rad/s are 15012 * 1.02 counts."""
     imu = Imu(EXACT_IMU, 0, AT_REST, TrueImu(gyro_scale=1.02))
-    turned = Motion(0.0, 2.0, 0.0, 0.0, turned_rad=4 * math.pi)
+    turned = ImuMotion(0.0, 2.0, 0.0, 0.0, turned_rad=4 * math.pi)
     half = 0.04 * math.pi
     assert imu.orientation(turned, 1.0, chance()) == pytest.approx((0, 0, math.sin(half), math.cos(half)))
     assert imu.counts(turned, chance())[1][2] == round(math.degrees(2.04) * 131)
@@ -120,7 +120,7 @@ def test_a_gyroscopes_scale_grows_with_the_turn() -> None:
 def test_a_tilted_imu_feels_gravity_along_its_axes() -> None:
     """Nose down by 30 degrees its x axis feels -1 g * sin(30), its z axis 1 g * cos(30) and cos(30) of a turn."""
     imu = Imu(EXACT_IMU, 0, AT_REST, TrueImu(mount_pitch_rad=math.pi / 6))
-    acceleration, rate = imu.counts(Motion(0.0, 1.0, 0.0, 0.0), chance())
+    acceleration, rate = imu.counts(ImuMotion(0.0, 1.0, 0.0, 0.0), chance())
     assert acceleration == (-8192, 0, round(16384 * math.cos(math.pi / 6)))
     assert rate[2] == round(math.degrees(math.cos(math.pi / 6)) * 131)
     assert imu.orientation(AT_REST, 1.0, chance()) == pytest.approx(
@@ -131,7 +131,7 @@ def test_a_tilted_imu_feels_gravity_along_its_axes() -> None:
 def test_an_imu_that_is_turned_and_biased_feels_in_its_own_axes() -> None:
     """Turned left by 90 degrees it feels 1 m/s2 ahead along -y, and 0.5 m/s2 of bias along x."""
     true = TrueImu(mount_heading_rad=math.pi / 2, acceleration_bias_m_s2=(0.5, 0.0, 0.0))
-    acceleration, _ = Imu(EXACT_IMU, 0, AT_REST, true).counts(Motion(0.0, 0.0, 1.0, 0.0), chance())
+    acceleration, _ = Imu(EXACT_IMU, 0, AT_REST, true).counts(ImuMotion(0.0, 0.0, 1.0, 0.0), chance())
     assert acceleration == (round(0.5 / 9.80665 * 16384), round(-1 / 9.80665 * 16384), 16384)
 
 

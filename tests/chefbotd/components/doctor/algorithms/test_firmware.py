@@ -1,13 +1,13 @@
 """The doctor's finding about the board's firmware."""
 
 from chefbotd.components.doctor.algorithms.finding import Verdict
-from chefbotd.components.doctor.algorithms.firmware import Firmware, check_firmware
+from chefbotd.components.doctor.algorithms.firmware import FirmwareFacts, check_firmware
 from chefbotd.components.doctor.algorithms.sketches import recognise
 from chefbotd.components.doctor.listening.line_survey import LineSurvey, echo_delays_s
 from chefbotd.components.simulation.parameters.sketches import SketchName
 from firmware_protocol.checked import seal
 
-OURS = Firmware("0.1", "tm4c123", 250, "brown_out", 1, 2, 0, 3, 0.0125)
+OURS = FirmwareFacts("0.1", "tm4c123", 250, "brown_out", 1, 2, 0, 3, 0.0125)
 
 
 def test_a_classic_sketch_is_offered_the_firmware_that_stops():
@@ -30,14 +30,14 @@ def test_our_firmware_says_its_version_its_dead_man_and_its_figures():
 
 def test_our_firmware_without_its_dead_man_is_a_warning():
     """Nobody has agreed on the checked mode: it is driven like a classic sketch."""
-    finding = check_firmware(Firmware("0.1", "tm4c123", None, reason="no answer"), is_board=True)
+    finding = check_firmware(FirmwareFacts("0.1", "tm4c123", None, reason="no answer"), is_board=True)
     assert finding.verdict is Verdict.WARNING
     assert "does not stop by itself now: no answer" in finding.measured
 
 
 def test_lost_bytes_are_a_warning_and_nothing_heard_is_not_judged():
     """Seven overruns are told; a port without a board has no firmware."""
-    lost = check_firmware(Firmware("0.1", "host", 250, overruns=7), is_board=True)
+    lost = check_firmware(FirmwareFacts("0.1", "host", 250, overruns=7), is_board=True)
     assert (lost.verdict, "7 bytes" in lost.measured) == (Verdict.WARNING, True)
     assert check_firmware(None, is_board=False).verdict is Verdict.SKIPPED
 

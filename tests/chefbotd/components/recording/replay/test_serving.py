@@ -9,7 +9,7 @@ from chefbotd.clock import run_virtual
 from chefbotd.components.recording.replay.build import replayed_daemon
 from chefbotd.components.recording.replay.entries import ReplayEntries
 from chefbotd.components.recording.replay.recorded import groups_of
-from chefbotd.components.recording.replay.replay import Pace, Replay
+from chefbotd.components.recording.replay.replay import Replay, ReplayPace
 from chefbotd.components.recording.replay.run import Serving
 from chefbotd.core.events.inputs import DaemonStarted
 from chefbotd.settings import load
@@ -42,7 +42,7 @@ def test_a_client_sees_the_recorded_drive_and_cannot_change_it() -> None:
             async with Client.connect(host, port) as client, client.subscribe("odometry") as odometry:
                 began_s = loop.time()
                 running = asyncio.create_task(
-                    replay.run(groups_of(recorded_of(events)), Pace(1.0, loop.time))
+                    replay.run(groups_of(recorded_of(events)), ReplayPace(1.0, loop.time))
                 )
                 seen = [(await anext(odometry)).data for _ in range(40)]
                 for name, params in (
