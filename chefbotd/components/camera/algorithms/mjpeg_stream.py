@@ -21,7 +21,7 @@ class MjpegStream:
         self._most_bytes = most_bytes
         self._data = bytearray()
         self._searched = 0
-        self._scan = -1
+        self._scan, self._head = -1, len(START)
         self.dropped = 0
 
     def find_pictures(self, data: bytes) -> Iterator[bytes]:
@@ -44,9 +44,9 @@ class MjpegStream:
                 return self._drop_head()
             self._scan, self._searched = place, place + 2
         # Behind the head, 0xFF is followed by 0, by a restart marker, or by what ends the picture (T.81, B.1.1.5).
-        end = held.find(END, self._searched)
-        cut = held.find(START, self._searched, end if end >= 0 else len(held))
-        if cut >= 0:
+        cut = held.find(START, self._searched)
+        end = held.find(END, self._searched, cut if cut >= 0 else len(held))
+        if end < 0 <= cut:
             return self._drop_bytes(cut)
         if end < 0:
             self._searched = max(len(held) - 1, self._searched)
@@ -63,12 +63,13 @@ class MjpegStream:
 
         The head's segments say how long they are, so what is in them is not mistaken for a marker.
         """
-        held, place = self._data, len(START)
+        held, place = self._data, self._head
         while place + 4 <= len(held):
             if held[place] != 0xFF or bytes(held[place : place + 2]) in (START_OF_SCAN, START):
                 return place
             is_fill = held[place + 1] == 0xFF
             place += 1 if is_fill else 2 + int.from_bytes(held[place + 2 : place + 4], "big")
+        self._head = place  # what comes next is looked at from there on
         return None
 
     def _drop_head(self) -> bytes:
@@ -96,4 +97,4 @@ class MjpegStream:
 
     def _discard_bytes(self, count: int) -> None:
         del self._data[:count]
-        self._searched, self._scan = 0, -1
+        self._searched, self._scan, self._head = 0, -1, len(START)

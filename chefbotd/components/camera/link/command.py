@@ -5,6 +5,7 @@ import fcntl
 import os
 import select
 import shutil
+import signal
 import subprocess
 import threading
 from collections.abc import Callable, Sequence
@@ -44,7 +45,7 @@ class CommandCapture:
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 bufsize=0,
-                start_new_session=True,  # a Ctrl-C in the terminal is for the daemon
+                start_new_session=True,  # a Ctrl-C in the terminal is for the daemon; and a group to kill
             )
         except OSError as error:
             raise CameraLost(f"{name} cannot be started: {error.strerror or error}") from error
@@ -52,7 +53,7 @@ class CommandCapture:
         try:
             words = self._read_pictures(process, deliver, ending)
         finally:
-            process.kill()
+            _kill_group(process)
             with contextlib.suppress(subprocess.TimeoutExpired):  # it hangs in the kernel
                 process.wait(1.0)
             process.stdout.close()
@@ -129,6 +130,15 @@ def _killed_with_us() -> tuple[str, ...]:
     """What has the kernel kill a program with its parent (util-linux); without it, its next picture ends it."""
     setpriv = shutil.which("setpriv")
     return () if setpriv is None else (setpriv, "--pdeathsig", "KILL", "--")
+
+
+def _kill_group(process: "subprocess.Popen[bytes]") -> None:
+    """Kill the program and those that it has started, such as what a shell runs: they would hold the camera.
+
+    It has not been waited for yet, so its number is still its own.
+    """
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, signal.SIGKILL)
 
 
 def _rest_of(errors: int) -> bytes:

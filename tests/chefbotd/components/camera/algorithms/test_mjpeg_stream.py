@@ -1,5 +1,7 @@
 """Pictures in a stream of Motion JPEG."""
 
+from typing import Any
+
 import pytest
 
 from chefbotd.components.camera.algorithms.mjpeg_stream import MjpegStream
@@ -67,3 +69,32 @@ def test_a_stream_of_something_else_holds_no_memory() -> None:
     stream = MjpegStream(10_000)
     assert read(stream, bytes(range(256)) * 4000, 4096) == []
     assert len(stream._data) <= 10_000
+
+
+class CountedBytes(bytearray):
+    """Counts the bytes that are looked at."""
+
+    looked_at = 0
+
+    def find(self, sub: Any, start: Any = 0, end: Any = None) -> int:
+        """As of bytes."""
+        end = len(self) if end is None else end
+        found = super().find(sub, start, end)
+        self.looked_at += (found if found >= 0 else end) - start
+        return found
+
+    def __getitem__(self, place: Any) -> Any:
+        """As of bytes."""
+        self.looked_at += 1
+        return super().__getitem__(place)
+
+
+@pytest.mark.parametrize("unit", [b"\xff", b"\xff\xd8", b"\xff\xe0\x00\x02", b"\xff\xd8\xff\xda\x00\x02"])
+@pytest.mark.parametrize("chunk", [64, 1 << 20])
+def test_garbage_costs_no_more_than_its_length(unit: bytes, chunk: int) -> None:
+    """Heads without end and pictures without end: each byte is looked at a few times, not once for each other one."""
+    stream = MjpegStream(10_000)
+    stream._data = counted = CountedBytes()
+    garbage = b"\xff\xd8" + unit * (30_000 // len(unit))
+    assert read(stream, garbage, chunk) == []
+    assert counted.looked_at < 10 * len(garbage)

@@ -103,3 +103,17 @@ def test_a_program_dies_with_the_thread_that_reads_it(tmp_path: Path) -> None:
         assert not has_ended(child)
         parent.kill()
     wait_until(lambda: has_ended(child))
+
+
+def test_what_a_program_has_started_ends_with_it(tmp_path: Path) -> None:
+    """A shell that runs the camera's program, which hangs and writes nothing more: it would hold the device for ever."""
+    file = tmp_path / "pid"
+    body = (
+        "import subprocess\n"
+        "child = subprocess.Popen([sys.executable, '-S', '-c', 'import time; time.sleep(600)'])\n"
+        f"print(child.pid, file=open({str(file)!r}, 'w'), flush=True)\n"
+        "while True:\n    os.write(1, picture); time.sleep(0.05)\n"
+    )
+    delivered, why = run(command(tmp_path, body), most=2)
+    assert (len(delivered), why) == (2, "")
+    wait_until(lambda: has_ended(int(file.read_text())))
