@@ -86,6 +86,8 @@ class Invitations:
         self._book, self._order = InvitationBook(), asyncio.Lock()
         self._access_list: AccessList | None = None
         self._unreadable = "who was let in is being read"
+        self._known_s, self._known_at_s = 0.0, clock.now_s()
+        self._is_kept = True
 
     async def run(self) -> None:
         """Let in those who were let in before, and end what expires."""
@@ -95,14 +97,44 @@ class Invitations:
         except (OSError, UnreadableAccess) as error:
             self._unreadable = explain(error) if isinstance(error, OSError) else str(error)
             log.error("nobody who was invited can come in", reason=self._unreadable)
+        self._known_s = max([self._time_s(), *(device.admitted_s for device in self._devices())])
         valid: list[Device] = []
         while True:
-            now = [device for device in self._devices() if device.is_valid(self._wall_s())]
+            now_s = self._time_s()
+            now = [device for device in self._devices() if device.is_valid(now_s)]
             if now != valid:
                 valid = now
                 self._issue()
+            if len(now) < len(self._devices()):
+                await self._forget_expired()
             self._book.forget_expired(self._clock.now_s())
             await asyncio.sleep(EXPIRY_S)
+
+    def _time_s(self) -> float:
+        """The time since 1970. It never goes back, as access that has ended would begin again.
+
+        A computer without a battery for its clock starts in the past, and a clock is set right, or wrong.
+        """
+        now_s = self._clock.now_s()
+        self._known_s = max(self._wall_s(), self._known_s + now_s - self._known_at_s)
+        self._known_at_s = now_s
+        return self._known_s
+
+    async def _forget_expired(self) -> None:
+        """Access that has ended is gone for good, whatever the clock says after the next start."""
+
+        def forget(access_list: AccessList) -> AccessList:
+            now_s = self._time_s()
+            valid = tuple(device for device in access_list.devices if device.is_valid(now_s))
+            return replace(access_list, devices=valid)
+
+        try:
+            await self._change(forget)
+            self._is_kept = True
+        except Refused as refused:  # it is tried again, and opens nothing meanwhile
+            if self._is_kept:
+                log.warning("access that has ended is still in the file", reason=str(refused))
+            self._is_kept = False
 
     def _devices(self) -> tuple[Device, ...]:
         return () if self._access_list is None else self._access_list.devices
@@ -110,7 +142,7 @@ class Invitations:
     def _issue(self) -> None:
         tokens = self._tokens()
         if tokens.asks_for_tokens:
-            now_s = self._wall_s()
+            now_s = self._time_s()
             tokens.set_issued_tokens(
                 {device.digest: device.role for device in self._devices() if device.is_valid(now_s)}
             )
@@ -202,7 +234,7 @@ class Invitations:
     async def _admit(self, invitation: Invitation, device: str) -> models.InvitationRedeemed:
         """Nobody else finds the invitation from here on; it is open again where the disk fails."""
         self._book.close_invitation(invitation.number)
-        token, now_s = secrets.token_urlsafe(2 * SECRET_BYTES), self._wall_s()
+        token, now_s = secrets.token_urlsafe(2 * SECRET_BYTES), self._time_s()
         expires_s = None if invitation.access_s is None else now_s + invitation.access_s
         name = invitation.name or invitation.device or device
 
@@ -248,7 +280,7 @@ class Invitations:
     @method(role=Role.ADMIN, moves=False)
     def list_invitations(self, caller: Caller, params: NoParams) -> models.AccessOverview:
         """The open invitations, and those who were let in by one."""
-        now_s, wall_s = self._clock.now_s(), self._wall_s()
+        now_s, wall_s = self._clock.now_s(), self._time_s()
         opened = tuple(
             models.OpenInvitation(
                 invitation.number,

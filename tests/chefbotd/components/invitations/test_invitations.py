@@ -1,6 +1,7 @@
 """A phone is let in: over a real socket with tokens, on the virtual clock."""
 
 import asyncio
+import json
 import stat
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -130,7 +131,7 @@ def test_access_survives_a_restart_and_ends_when_it_is_revoked_or_expires(tmp_pa
             await asyncio.sleep(0.1)
             role_of = bench.server.keyring.role_of
             assert (role_of(first), role_of(second)) == (Role.DRIVE, Role.DRIVE)
-            wall.now_s += 60.0
+            wall.now_s += 61.0
             await asyncio.sleep(5.1)
             assert (role_of(first), role_of(second)) == (Role.DRIVE, None)
             await bench.ask("revoke_access", device=1)
@@ -138,6 +139,64 @@ def test_access_survives_a_restart_and_ends_when_it_is_revoked_or_expires(tmp_pa
             assert role_of(ADMIN) is Role.ADMIN
         async with running(tmp_path, wall) as bench:
             assert bench.server.keyring.role_of(first) is None
+
+    run_virtual(main())
+
+
+def test_a_clock_that_is_set_back_neither_lengthens_access_nor_brings_it_back(tmp_path: Path) -> None:
+    """Two phones with 60 s: a clock that goes back an hour, a second start in 1970, and one at the right time."""
+    wall = Wall()
+    file = tmp_path / "state" / "access.json"
+
+    async def admitted(bench: Bench) -> str:
+        made = await bench.ask("make_invitation", role="drive", access_s=60.0)
+        return str((await bench.ask("redeem_invitation", secret=made.code)).token)
+
+    async def main() -> None:
+        async with running(tmp_path, wall) as bench:
+            first = await admitted(bench)
+            wall.now_s -= 3600.0
+            await asyncio.sleep(50.0)
+            second = await admitted(bench)
+            assert bench.server.keyring.role_of(first) is Role.DRIVE
+            await asyncio.sleep(15.5)
+            assert bench.server.keyring.role_of(first) is None
+            assert [device["number"] for device in json.loads(file.read_text())["devices"]] == [2]
+        wall.now_s = 0.0
+        async with running(tmp_path, wall) as bench:
+            await asyncio.sleep(0.1)
+            assert bench.server.keyring.role_of(first) is None
+            assert bench.server.keyring.role_of(second) is Role.DRIVE
+            await asyncio.sleep(65.5)
+            assert bench.server.keyring.role_of(second) is None
+        wall.now_s = 1_000_000.0
+        async with running(tmp_path, wall) as bench:
+            await asyncio.sleep(0.1)
+            assert bench.server.keyring.role_of(second) is None
+            assert (await bench.ask("list_invitations")).devices == ()
+
+    run_virtual(main())
+
+
+def test_access_that_ended_on_a_full_disk_has_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The token opens nothing; the file is written once there is room again."""
+    wall = Wall()
+
+    async def main() -> None:
+        async with running(tmp_path, wall) as bench:
+            made = await bench.ask("make_invitation", role="drive", access_s=60.0)
+            token = str((await bench.ask("redeem_invitation", secret=made.code)).token)
+
+            def full(_: AccessFile, access_list: Any) -> None:
+                raise OSError(28, "No space left on device")
+
+            with monkeypatch.context() as patched:
+                patched.setattr(AccessFile, "write", full)
+                await asyncio.sleep(70.0)
+                assert bench.server.keyring.role_of(token) is None
+                assert len(bench.file.read().devices) == 1
+            await asyncio.sleep(6.0)
+            assert bench.file.read().devices == ()
 
     run_virtual(main())
 
