@@ -60,7 +60,9 @@ class DrawnFile:
         if revision is not None and revision != revision_of(content):
             raise self._changed_meanwhile()
 
-    async def replace(self, name: str, content: bytes | None, new: bytes) -> None:
+    async def replace(
+        self, name: str, content: bytes | None, new: bytes, *, keeps_before: bool = True
+    ) -> None:
         """Keep what was there, and replace it if it is still that; raises ``MapStoreError``."""
         if await self.read(name) != content:  # edited by hand while navigation was asked
             raise self._changed_meanwhile()
@@ -73,7 +75,7 @@ class DrawnFile:
                 raise self._changed_meanwhile()
             return new
 
-        if self._before is not None:
+        if self._before is not None and keeps_before:
             await self._maps.change_beside(name, self._before, kept)
         await self._maps.change_beside(name, self._file, replaced)
 

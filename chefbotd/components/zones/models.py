@@ -111,6 +111,17 @@ class AddZonesParams(ChangeZonesParams):
 
     zones: list[ZoneShape] = Field(min_length=1, max_length=MOST_ADDED)
     confirmed: bool = CONFIRMED
+    continued: bool = Field(
+        False,
+        description="they belong to the change that made this revision, where one request is too short: "
+        "one undo takes both back",
+    )
+
+    @model_validator(mode="after")
+    def _continues_a_revision(self) -> "AddZonesParams":
+        if self.continued and self.revision is None:
+            raise ValueError("expected the revision that is continued, got none")
+        return self
 
     @model_validator(mode="after")
     def _has_few_points(self) -> "AddZonesParams":

@@ -20,6 +20,8 @@ from chefbotd.core.record import Record
 KEPT_OUT: Final = 100.0
 LEAST_TURN_RAD: Final = 1e-6
 FASTEST_M_S: Final = 10.0
+MOST_CORNERS: Final = 120
+"""Of an area, so that it fits into a request."""
 
 
 class MaskError(ValueError):
@@ -66,7 +68,7 @@ def read_mask(path: Path, kind: str, info: FilterInfo) -> MaskZones:
         layers, notes = _speeds(percent, info, path.name), ()
     zones: list[dict[str, Any]] = []
     for cells, speed_m_s in layers:
-        for outline in trace_areas(cells):
+        for outline in trace_areas(cells, MOST_CORNERS):
             points = outline * grid.resolution_m + np.array([origin.x_m, origin.y_m])
             zones.append(_zone(points, speed_m_s, f"{path.stem} {len(zones) + 1}"))
     _require_some(zones, path.name)

@@ -111,7 +111,9 @@ class ZonesService:
             drawn = {own: shape.zone(own) for own, shape in zip(ids, params.zones, strict=True)}
             return _checked(lambda: with_zones(zones, drawn))
 
-        return await self._file.in_order(lambda: self._apply(params, changed, asks=not params.confirmed))
+        return await self._file.in_order(
+            lambda: self._apply(params, changed, asks=not params.confirmed, continued=params.continued)
+        )
 
     @method(role=Role.DRIVE, moves=False)
     async def delete_zone(self, caller: Caller, params: ZoneId, progress: ProgressReporter) -> ZonesSaved:
@@ -152,6 +154,7 @@ class ZonesService:
         change: Callable[[Zones, str], Zones],
         *,
         asks: bool = False,
+        continued: bool = False,
     ) -> ZonesSaved:
         """Make a change; with ``asks`` only one that does nothing that may not be meant."""
         name = self._maps.named(params.map)
@@ -164,7 +167,7 @@ class ZonesService:
             places = {place.name: (place.x_m, place.y_m) for place in listed.places}
             if concerns := await self.examine(new, places):
                 raise Refused(RefusalKind.NEEDS_CONFIRMATION, "; ".join(concerns))
-        saved = await self._replace(name, content, new)
+        saved = await self._replace(name, content, new, keeps_before=not continued)
         self._parsed = (new, zones)
         return saved
 
@@ -176,9 +179,11 @@ class ZonesService:
                 self._parsed = (text, await self._file.compute_in_thread(lambda: _parse_content(text, name)))
             return self._parsed[1]
 
-    async def _replace(self, name: str, content: bytes | None, new: bytes) -> ZonesSaved:
+    async def _replace(
+        self, name: str, content: bytes | None, new: bytes, *, keeps_before: bool = True
+    ) -> ZonesSaved:
         """Replace what was there, and have navigation use it."""
-        await self._file.replace(name, content, new)
+        await self._file.replace(name, content, new, keeps_before=keeps_before)
         revision = revision_of(new)
         self._entries.observe(self._bus, ZonesChanged(self._clock.now_s(), name, revision))
         warning = await self._file.why_unused(name, self.use)

@@ -1,21 +1,25 @@
 """Masks of Nav2's costmap filters, as zones: the same cells, and the speeds that their CostmapFilterInfo means."""
 
+import asyncio
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from chefbotd.cli.common.exits import Exit
+from chefbotd.client import CallError
 from chefbotd.components.maps.algorithms.map_server import ImageMode, to_description, to_image
 from chefbotd.components.maps.storage.contents import save
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.components.navigation.algorithms.grid import GridFrame
 from chefbotd.components.navigation.algorithms.zones import keep_out_cells, speed_limits_m_s
+from chefbotd.components.zones.client_methods import ZoneMethods
 from chefbotd.components.zones.models import AddZonesParams
 from chefbotd.components.zones.nav2_mask import FilterInfo, MaskError, read_mask
-from chefbotd.components.zones.zone_file import NO_ZONES, Zones, with_zones
+from chefbotd.components.zones.zone_file import NO_ZONES, Zones, parse_zones, with_zones
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.occupancy_grid import OccupancyGrid
 from tests.chefbotd.components.maps.cli.conftest import folder, mapctl
@@ -138,3 +142,50 @@ def test_a_mask_is_imported_and_taken_back_at_once(mapctl: Control, folder: Path
     lost = mapctl("zones", "import", str(tmp_path / "absent.yaml"), "--kind", "keepout", *of_room)
     assert lost.exit_code == Exit.FAILED
     assert "absent.yaml" in lost.stderr
+
+
+def test_a_mask_that_is_too_long_for_one_request_is_imported_and_taken_back_at_once(
+    mapctl: Control, folder: Path, tmp_path: Path
+) -> None:
+    """Ten circles have more corners than one request holds; every cell of theirs is kept out of, and of no other."""
+    save(MapStore(folder), "room", grid(1))
+    y, x = np.mgrid[:200, :500]
+    percent = np.zeros((200, 500), np.int8)
+    for number in range(10):
+        percent[np.hypot(x - 50 - 100 * (number % 5), y - 50 - 100 * (number // 5)) < 45] = 100
+    mask = write_mask(tmp_path / "keepout.yaml", percent)
+    of_room = ("--map", "room")
+    assert mapctl("zones", "add", "stairs", "50", "50", "51", "50", "51", "51", *of_room).exit_code == 0
+    said = mapctl("zones", "import", str(tmp_path / "keepout.yaml"), "--kind", "keepout", *of_room)
+    assert said.exit_code == 0, said.stderr
+    file = folder / "room.map" / "zones.yaml"
+    assert file.stat().st_size > 4096
+    zones = parse_zones(file.read_text(), file.name)
+    assert np.array_equal(keep_out_cells(zones, GridFrame.of(mask)), percent == 100)
+    assert mapctl("zones", "undo", *of_room).exit_code == 0
+    listed = json.loads(mapctl("zones", "list", "--json", *of_room).output)
+    assert [zone["name"] for zone in listed["zones"]] == ["stairs"]
+
+
+def test_a_part_that_is_refused_takes_back_those_before_it() -> None:
+    """The client's requests, and what it does where the third of them is refused."""
+    asked: list[tuple[str, Any]] = []
+
+    class Caller(ZoneMethods):
+        async def call(self, method: str, /, **params: Any) -> dict[str, Any]:
+            params.pop("on_progress")
+            asked.append((method, params))
+            if len(asked) == 3:
+                raise CallError(-32000, "needs_confirmation", "it covers the robot")
+            return {"map": "flat", "revision": f"r{len(asked)}"}
+
+    zone = {"kind": "keep_out", "points_m": [[round(0.1234 * k, 4), 1.0] for k in range(100)]}
+    with pytest.raises(CallError):
+        asyncio.run(Caller().add_zones([zone] * 8))
+    assert [(method, params.get("map"), params.get("revision")) for method, params in asked] == [
+        ("add_zones", None, None),
+        ("add_zones", "flat", "r1"),
+        ("add_zones", "flat", "r2"),
+        ("undo_zones", "flat", "r2"),
+    ]
+    assert [params.get("continued") for _, params in asked] == [None, True, True, None]
