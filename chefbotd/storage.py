@@ -52,15 +52,17 @@ def read_file(path: Path, most_bytes: int) -> bytes:
     return content
 
 
-def create_file(path: Path) -> BufferedWriter:
+def create_file(path: Path, mode: int = 0o666) -> BufferedWriter:
     """A new or emptied regular file for writing; what else has that name is refused, and not waited for.
+
+    ``mode`` are the permissions of a new one, but for what the process masks out (umask(2)).
 
     Raises:
         OSError: it cannot be made, or is no regular file.
     """
     flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NONBLOCK | os.O_CLOEXEC
     try:
-        file = open(path, "wb", opener=lambda name, _: os.open(name, flags, 0o666))  # noqa: SIM115
+        file = open(path, "wb", opener=lambda name, _: os.open(name, flags, mode))  # noqa: SIM115
     except OSError as error:
         if error.errno == errno.ENXIO:  # a FIFO that nobody reads
             raise NotRegular(errno.EINVAL, "no regular file", str(path)) from error
@@ -71,15 +73,18 @@ def create_file(path: Path) -> BufferedWriter:
     return file
 
 
-def replace_file(path: Path, content: bytes) -> None:
+def replace_file(path: Path, content: bytes, mode: int = 0o666) -> None:
     """Write a file so that there is the old one or the new one at any moment, also after a power cut.
+
+    It has the permissions ``mode`` from its first byte, but for what the process masks out.
 
     Raises:
         OSError: it could not be written; the old one is there. Or its folder could not be synchronized: the new one is
             there, and a power cut may bring the old one back.
     """
     new = path.with_name(f".{path.name}.new")
-    with create_file(new) as file:
+    new.unlink(missing_ok=True)  # of a write that a power cut has ended: it may have another mode
+    with create_file(new, mode) as file:
         try:
             file.write(content)
             file.flush()

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from chefbotd import storage
 from chefbotd.components.localization.pose_file import PoseOnDisk
 from chefbotd.components.maps.storage.manifest import MANIFEST, NotAManifest
 from chefbotd.components.maps.storage.places import PLACES, parse_places
@@ -229,4 +230,21 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
     obstacle.rmdir()
     replace_file(path, b"new")
     assert path.read_bytes() == b"new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_replaced_file_has_its_mode_from_the_first_byte(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where a power cut has left a new one that everybody can read."""
+    path, left = tmp_path / "tokens", tmp_path / ".tokens.new"
+    left.write_bytes(b"half")
+    left.chmod(0o644)
+    modes = []
+    monkeypatch.setattr(
+        storage.os, "fsync", lambda number: modes.append(storage.os.fstat(number).st_mode & 0o777)
+    )
+    replace_file(path, b"drive 1", 0o600)
+    assert modes[0] == path.stat().st_mode & 0o777 == 0o600
+    assert path.read_bytes() == b"drive 1"
     assert list(tmp_path.iterdir()) == [path]

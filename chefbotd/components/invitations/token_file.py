@@ -1,6 +1,5 @@
 """The command ``chefbotctl token``: tokens for the daemon's token file, on the robot's computer."""
 
-import os
 import secrets
 from pathlib import Path
 
@@ -10,9 +9,11 @@ from chefbotd.cli.common.credentials import ROLES
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.rpc.access import MAX_FILE_BYTES, AccessError, Keyring
-from chefbotd.storage import explain, read_file
+from chefbotd.storage import explain, read_file, replace_file
 
 TOKEN_BYTES = 32
+PRIVATE = 0o600
+"""Whoever reads a token may drive the robot."""
 
 
 @click.group()
@@ -45,25 +46,10 @@ def add_line(path: Path, line: str) -> None:
         if before.strip():
             Keyring.parse(before, str(path))
         text = f"{before.rstrip()}\n{line}\n".lstrip()
-        _replace_private(path, text)
+        replace_file(path, text.encode(), PRIVATE)
     except AccessError as error:
         raise ProgramError(Exit.FAILED, str(error)) from error
     except UnicodeDecodeError:
         raise ProgramError(Exit.FAILED, f"{path}: is not UTF-8 text") from None
     except OSError as error:
         raise ProgramError(Exit.FAILED, f"{path}: {explain(error)}") from error
-
-
-def _replace_private(path: Path, text: str) -> None:
-    """Write the file in one step, with the mode 600 from its first byte."""
-    fresh = path.with_name(f".{path.name}.{os.getpid()}.new")
-    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    try:
-        with os.fdopen(descriptor, "w") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        fresh.replace(path)
-    except BaseException:
-        fresh.unlink(missing_ok=True)
-        raise
