@@ -95,11 +95,6 @@ def find_installed(name: str) -> Installed:
         return Installed(name, package, version, None, problem.state, str(problem))
 
 
-def installed_names() -> list[str]:
-    """The name of every component that an installed package offers; none of them is imported."""
-    return sorted({entry.name for entry in entry_points(group=GROUP)})
-
-
 def _origin(entries: list[EntryPoint]) -> tuple[str, str]:
     """The package that offers it, and its version; empty where it is not exactly one."""
     if len(entries) != 1:

@@ -11,7 +11,7 @@ from chefbotd.component import Component, PagePart, resolve
 from chefbotd.component_context import Context as ComponentContext
 from chefbotd.component_context import SkillHost
 from chefbotd.component_list import FIRST, OWN, SCANNING, own_component, own_components
-from chefbotd.composition.context import DaemonContext, DaemonParts
+from chefbotd.composition.context import DaemonParts
 from chefbotd.features.feature import Feature, Service, methods_and_topics
 from chefbotd.inputs import inputs_of
 from chefbotd.metrics import Metrics
@@ -112,11 +112,6 @@ def _strangers(settings: Settings) -> "list[Installed]":
 
         return [by_name.get(name) or find_installed(name) for name in settings.plugins.allow]
     return []
-
-
-def brings_skills(context: DaemonContext) -> bool:
-    """Whether an allowed component has a skill for the worker."""
-    return any(stranger.component and stranger.component.skills for stranger in _strangers(context.settings))
 
 
 def _build_stranger(

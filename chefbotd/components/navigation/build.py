@@ -7,8 +7,7 @@ from chefbotd.components.localization.service import LocalizationService
 from chefbotd.components.map_edits.service import MapEditsService
 from chefbotd.components.maps.build import map_folder
 from chefbotd.components.maps.service import MapsService
-from chefbotd.components.navigation.beside_localization import join_localization
-from chefbotd.components.navigation.beside_zones import join_zones
+from chefbotd.components.navigation.beside_others import join_localization, join_zones
 from chefbotd.components.navigation.commands import navigation
 from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.navigation.service import NavigationService

@@ -169,11 +169,6 @@ class BoardRunner:
         """Set whether the ultrasonic sensor has nothing in reach from now on, as in a large hall."""
         self._launchpad.sketch.loses_echoes = lost
 
-    def set_slip(self, left: float, right: float) -> None:
-        """Set the share of each side's rim travel that is lost from now on (0: the wheels grip)."""
-        slip = self._launchpad.robot.slip
-        slip.left, slip.right = left, right
-
     def push(self, push: Push, duration_s: float) -> None:
         """Push the robot from now on for so long."""
         now_s = self.board_s()

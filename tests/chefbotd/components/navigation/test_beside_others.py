@@ -7,7 +7,7 @@ import pytest
 
 from chefbotd.bus import Bus
 from chefbotd.components.localization.service import LocalizationService
-from chefbotd.components.navigation.beside_localization import join_localization
+from chefbotd.components.navigation.beside_others import join_localization
 from chefbotd.components.navigation.events import NavigationChanged
 from chefbotd.components.navigation.skill_requests import SKILL, CheckMap, MapChecked
 from chefbotd.components.worker.process import Worker
