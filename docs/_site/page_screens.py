@@ -35,22 +35,36 @@ ZONES: Final[tuple[Mapping[str, Any], ...]] = (
 DRAWN_S = 2.0
 """Until the browser has drawn what came in."""
 
+MIDDLE: Final = (
+    "[room.offsetLeft + room.clientWidth / 2, view.getBoundingClientRect().top + room.clientHeight / 2]"
+)
+PLOTTED_S: Final = 8.0
+BETWEEN_TAPS_S: Final = 0.5
+STRAIGHT_RAD_S: Final = 0.15
+STRAIGHT_WITHIN_S: Final = 60.0
+CHECKED_S: Final = 0.05
+
 
 class Screen(Struct, frozen=True):
-    """A picture: the size of the window, the colours, the panel that is open, and whether the whole map is shown."""
+    """A picture: the size of the window, the colours, the panel that is open, whether the whole map is shown.
+
+    With ``is_drawing`` a zone is being drawn, of which four corners stand on the map.
+    """
 
     size: tuple[int, int]
     panel: str = ""
     scheme: str = "light"
     whole_map: bool = True
+    is_drawing: bool = False
     goal: str = "table 3"
 
 
 SCREENS: Final[Mapping[str, Screen]] = {
     "page.png": Screen(DESKTOP, "goals"),
     "page_zones.png": Screen(DESKTOP, "map", "dark", goal="kitchen"),
-    "page_workshop.png": Screen(DESKTOP, "workshop", whole_map=False, goal="table 1"),
+    "page_workshop.png": Screen(DESKTOP, "workshop", whole_map=False, goal="table 3"),
     "page_phone.png": Screen(PHONE, "drive", goal="table 2"),
+    "page_phone_zone.png": Screen(PHONE, "map", goal="table 3", is_drawing=True),
     "page_phone_dark.png": Screen(PHONE, "goals", "dark", goal="kitchen"),
 }
 
@@ -86,6 +100,44 @@ async def show(page: Page, screen: Screen) -> None:
     if screen.whole_map:
         await page.locator("#whole-map").click()
     await asyncio.sleep(DRAWN_S)
+    if screen.panel == "workshop":
+        await plot_speed(page)
+    if screen.is_drawing:
+        await draw_zone(page)
+
+
+async def plot_speed(page: Page) -> None:
+    """Plot how fast the robot drives, for some seconds."""
+    await page.locator("#plot-topic").select_option("odometry")
+    await page.locator("#plot-number option").first.wait_for(state="attached")
+    await page.locator("#plot-number").select_option(label="linear m s")
+    await page.locator("#plot-form button").click()
+    await page.locator("#plot-span").select_option("10")
+    await asyncio.sleep(PLOTTED_S)
+
+
+async def draw_zone(page: Page) -> None:
+    """Begin a slow area, and put four corners beside the middle of the map."""
+    await page.locator("#zone-slow").click()
+    await asyncio.sleep(DRAWN_S)
+    await page.locator("#whole-map").click()
+    await asyncio.sleep(DRAWN_S)
+    x, y = await page.evaluate(
+        "[view.clientWidth / 2, view.getBoundingClientRect().top + room.clientHeight / 2]"
+    )
+    for right, down in ((-110, 22), (-60, 22), (-60, 50), (-110, 50)):
+        await page.touchscreen.tap(x + right, y + down)
+        await asyncio.sleep(BETWEEN_TAPS_S)
+
+
+async def wait_until_straight(robot: Client) -> None:
+    """Wait until the robot drives straight: the lidar's points, drawn where it is now, lie on the walls then."""
+    async with asyncio.timeout(STRAIGHT_WITHIN_S):
+        while True:
+            odometry = (await robot.get_state()).odometry
+            if abs(odometry.angular_rad_s) < STRAIGHT_RAD_S:
+                return
+            await asyncio.sleep(CHECKED_S)
 
 
 async def draw_screens(folder: Path, screens: Mapping[str, Screen]) -> None:
@@ -105,6 +157,7 @@ async def draw_screens(folder: Path, screens: Mapping[str, Screen]) -> None:
             await page.goto(url)
             await robot.call("navigate_to", place=screen.goal)
             await show(page, screen)
+            await wait_until_straight(robot)
             await page.screenshot(path=folder / name)
             await context.close()
         await browser.close()
