@@ -200,7 +200,7 @@ def scroll_away(page: Any) -> None:
 
 def make_the_window_low(page: Any) -> None:
     """So low that the joystick has no room in the panel that it had."""
-    page.set_viewport_size({"width": 1280, "height": 170})
+    page.set_viewport_size({"width": 1280, "height": 130})
 
 
 @pytest.mark.parametrize("hide", [choose_another_panel, close_the_panel, scroll_away, make_the_window_low])

@@ -281,6 +281,24 @@ def test_the_view_has_the_room_that_it_needs(
     assert min(shares.values()) >= beside, shares
 
 
+@pytest.mark.parametrize("width", [360, 390, 1280])
+def test_where_the_robot_is_stands_in_one_line_whatever_the_figures(
+    page: Any, daemon: FakeDaemon, width: int
+) -> None:
+    """The scale above it does not jump when a figure gets longer; on an upright phone the turning speed is left out."""
+    page.set_viewport_size({"width": width, "height": 800})
+    pose = page.locator("#pose")
+    heights = set()
+    for x_m, turn in ((0.0, 0.0), (-12.34, -1.15)):
+        odometry = {"x_m": x_m, "y_m": x_m, "heading_rad": -2.9, "linear_m_s": -0.25, "angular_rad_s": turn}
+        daemon.say("odometry", **odometry)
+        sync_api.expect(pose).to_contain_text(f"x {x_m:.2f} m")
+        heights.add(pose.bounding_box()["height"])
+    assert len(heights) == 1
+    assert heights.pop() < 32
+    assert ("-1.15 rad/s" in pose.inner_text()) == (width > 600)
+
+
 FREE = """() => {
   const room = document.getElementById("room").getBoundingClientRect();
   const [step, mine] = [8, "#view, .tools, .modes, .lower"]; // the map itself, and its own buttons

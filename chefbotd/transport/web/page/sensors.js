@@ -6,6 +6,8 @@ import { t } from "./language.js";
 import { device, range } from "./words.js";
 import { scanPoints } from "./view.js";
 
+const NARROW = matchMedia("(max-width: 48rem) and (orientation: portrait)"); // one line has no room for all of it
+
 export class Sensors {
   #lines = new Map();
   #pose = null;
@@ -50,7 +52,8 @@ export class Sensors {
   #write() {
     if (!this.#pose) return;
     const { robot } = this.view;
-    const speed = this.#isInDoubt ? t("pose.speed_unknown") : `${this.#pose.linear_m_s.toFixed(2)} m/s, ${this.#pose.angular_rad_s.toFixed(2)} rad/s`;
+    const turning = NARROW.matches ? "" : `, ${this.#pose.angular_rad_s.toFixed(2)} rad/s`;
+    const speed = this.#isInDoubt ? t("pose.speed_unknown") : `${this.#pose.linear_m_s.toFixed(2)} m/s${turning}`;
     const figures = { x: robot.x_m.toFixed(2), y: robot.y_m.toFixed(2), degrees: ((robot.heading_rad * 180) / Math.PI).toFixed(0), speed };
     text("pose", t(this.#isInDoubt ? "pose.last" : "pose.now", figures));
   }
