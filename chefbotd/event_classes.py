@@ -12,6 +12,7 @@ import msgspec
 from chefbotd.component_list import components_with_commands
 from chefbotd.core import events as events_package
 from chefbotd.core.geometry import ORIGIN, Pose2D
+from chefbotd.core.sentence import plain_words
 
 
 @cache
@@ -85,13 +86,17 @@ def _decode_scan(event_class: type[Any], data: bytes) -> Any:
 
 def encode(event: Any) -> bytes:
     """An event as JSON."""
-    return encode_scan(event) if type(event).__name__ == "ScanMeasured" else msgspec.json.encode(event)
+    return encode_scan(event) if type(event).__name__ == "ScanMeasured" else encode_words(event)
+
+
+encode_words = msgspec.json.Encoder(enc_hook=plain_words).encode
+"""A record without arrays as JSON; of a sentence its English words alone, which is what a recording has."""
 
 
 def encode_scan(event: Any) -> bytes:
     """A ``ScanMeasured`` as JSON: its arrays are numpy's."""
     scan, mount = event.scan, event.base_from_lidar
-    return msgspec.json.encode(
+    return encode_words(
         {
             "stamp_s": event.stamp_s,
             "lidar": event.lidar,

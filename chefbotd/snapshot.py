@@ -17,6 +17,7 @@ from pydantic import BaseModel
 
 from chefbotd.core.events.inputs import StateRecorded
 from chefbotd.core.record import Stateful, StatefulPart, StatefulValue
+from chefbotd.core.sentence import Sentence
 from chefbotd.inputs import InputLog
 
 LONGEST_PROBLEM = 200
@@ -131,11 +132,13 @@ def decode_state(cls: Any, text: object) -> Any:
 
 
 def _to_plain(value: Any) -> Any:
-    """Parameters as JSON, and an array of numpy's as its shape and its numbers."""
+    """Parameters as JSON, an array of numpy's as its shape and its numbers, and a sentence as its English words."""
     if isinstance(value, BaseModel):
         return value.model_dump_json()
     if type(value).__module__ == "numpy":
         return value.shape, value.astype("<f8").tobytes()
+    if isinstance(value, Sentence):
+        return str(value)
     raise TypeError(f"a {type(value).__name__} belongs into no state")
 
 

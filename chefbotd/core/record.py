@@ -7,6 +7,8 @@ from typing import Any, Generic, Protocol, Self, TypeVar
 from msgspec import Struct
 from msgspec.structs import replace
 
+from chefbotd.core.sentence import Sentence
+
 __all__ = [
     "Level",
     "LogLine",
@@ -45,7 +47,14 @@ class LogLine(Record, frozen=True):
 
 def state_line(source: str, state: str, reason: str) -> LogLine:
     """A part's new state, and why where there is a reason."""
-    return LogLine(Level.INFO, source, f"{state}: {reason}" if reason else state)
+    return LogLine(Level.INFO, source, because(state, reason) if reason else state)
+
+
+def because(state: str, reason: str) -> str:
+    """A state and the reason for it, where that is a sentence with an id as another one."""
+    if isinstance(reason, Sentence):
+        return Sentence("log.state", "{state}: {reason}", state=state, reason=reason)
+    return f"{state}: {reason}"
 
 
 class MutableState(Struct, eq=False):

@@ -1,6 +1,6 @@
 """A sentence for people that can be said in another language: its English words, with an id and its arguments."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 Value: TypeAlias = str | int | float | dict[str, Any]
@@ -49,3 +49,56 @@ def sentence_data(words: str) -> dict[str, Any]:
 def sentence_of(words: str, data: Mapping[str, Any]) -> str:
     """The words that came with this ``data``, as the sentence that they were; without an id as they are."""
     return Sentence.of(words, data["id"], data.get("arguments", {})) if "id" in data else words
+
+
+def join_words(words: Sequence[str]) -> str:
+    """Some words or sentences, at least one, as "A and B and C"; the "and" can be said in another language."""
+    first, *others = words
+    for other in others:
+        first = Sentence("driving.and", "{first} and {other}", first=first, other=other)
+    return first
+
+
+SAID = "said"
+"""The member of an object that says of which sentences some of its texts are, by the texts' names."""
+
+_MARK = "\0sentence"
+
+
+def plain_words(value: object) -> str:
+    """For the encoders of msgspec, which take no class of text but ``str``: a sentence's English words alone."""
+    if isinstance(value, Sentence):
+        return str(value)
+    raise NotImplementedError(f"{type(value).__name__} cannot be encoded")
+
+
+def mark_sentence(sentence: Sentence) -> dict[str, Any]:
+    """For ``with_ids``: what stands in the place of a sentence among dicts, lists, text and numbers."""
+    return {_MARK: str(sentence), **sentence_data(sentence)}
+
+
+def with_ids(value: Any) -> Any:
+    """The same with each marked sentence as its words, and with its id and its arguments in ``said`` beside it.
+
+    A sentence in a list has its words alone: it has no name.
+    """
+    if isinstance(value, list):
+        return [with_ids(item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    if _MARK in value:
+        return value[_MARK]
+    marked = {name: item for name, item in value.items() if isinstance(item, dict) and _MARK in item}
+    said = {name: {"id": mark["id"], "arguments": mark["arguments"]} for name, mark in marked.items()}
+    return {name: with_ids(item) for name, item in value.items()} | ({SAID: said} if said else {})
+
+
+def with_sentences(value: Any) -> Any:
+    """What ``with_ids`` has made, with sentences again in the place of their words."""
+    if isinstance(value, list):
+        return [with_sentences(item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    said = value.get(SAID)
+    whole = {name: with_sentences(item) for name, item in value.items() if name != SAID or not said}
+    return whole | {name: sentence_of(whole[name], data) for name, data in (said or {}).items()}

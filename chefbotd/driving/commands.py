@@ -3,6 +3,7 @@
 from chefbotd.clock import Clock
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.record import replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.driving.models import (
     ArmParams,
     Driven,
@@ -94,7 +95,8 @@ class DriveCommands:
     def estop(self, caller: Caller, params: EstopParams) -> Stopped:
         """Stop the motors at once, and until armed again."""
         drivers = self._leases.drivers(self._clock.now_s())
-        self._service.estop(params.reason)
+        asked = Sentence("driving.asked", "asked by a client")
+        self._service.estop(asked if params.reason == asked else params.reason)
         return Stopped(drivers=drivers, stop_number=self._service.stop_number)
 
     @method(role=Role.DRIVE, moves=True)

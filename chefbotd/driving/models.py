@@ -10,6 +10,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from chefbotd.core import events
 from chefbotd.core.printable import one_line
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.rpc.models import SOURCE, Done, MotionParams, Params
 from chefbotd.rpc.topics import Topic, same_names
 
@@ -199,7 +200,7 @@ def safety_data(state: SafetyState | None) -> SafetyData:
     """The gate's state and who drives. Before the gate's first event nothing may move."""
     event, control = (state.gate, dict(state.holders)) if state is not None else (None, {})
     if event is None:
-        reason = "the safety state is not known yet"
+        reason = Sentence("driving.state_unknown", "the safety state is not known yet")
         return SafetyData(mode="unknown", reason=reason, source=None, armed=False, control=control)
     return SafetyData(
         mode=event.mode,

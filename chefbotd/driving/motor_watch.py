@@ -8,6 +8,7 @@ from msgspec import field
 from chefbotd.core.events import DutyEchoed, EncodersCounted
 from chefbotd.core.geometry import Motion, Twist2D
 from chefbotd.core.record import MutableState, Record, StatefulPart, replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.driving.wheel_reader import WheelsRead
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.safety import commands_lost, echo, off_target, overspeed, unresponsive, wheels
@@ -43,9 +44,6 @@ OFF_TARGET_PERIOD_S = 0.25
 
 SETTLING_READINGS = 3
 """The wheel loop needs so many to bring a wheel to another speed; a board that waits for echoes gives one a second."""
-
-NO_ECHO = ". This board sends no 's' lines, so nothing shows whether commands reach it: check its cable, too"
-"""What is added where a wheel stands and its board does not say what it obeys."""
 
 LEVEL_M_S = 0.01
 """Wheels that are asked for speeds no farther apart than this do not drag each other."""
@@ -282,7 +280,12 @@ class MotorWatch(StatefulPart[MotorWatchState]):
         if any(sent) and is_fresh and echo.says_no_motor(self.memory.echo):
             return commands_lost.explain_unheard(fault, self.memory.echo.shown, sent)
         if not self.memory.echo.shown:
-            return Fault(fault.kind, fault.reason + NO_ECHO)
+            reason = Sentence(
+                "driving.wheel_stalled_without_echo",
+                "{why}. This board sends no 's' lines, so nothing shows whether commands reach it: check its cable, too",
+                why=fault.reason,
+            )
+            return Fault(fault.kind, reason)
         return fault
 
     def _watch_pace(self, effort: tuple[float, ...], seen: WheelsRead) -> None:

@@ -26,7 +26,7 @@ from chefbotd.core.events import (
 from chefbotd.core.events.inputs import FaultTaken
 from chefbotd.core.geometry import STANDING, Pose2D
 from chefbotd.core.record import MutableState, StatefulPart, replace
-from chefbotd.core.sentence import Sentence
+from chefbotd.core.sentence import Sentence, join_words
 from chefbotd.driving.gate_announcer import AnnouncerState, GateAnnouncer
 from chefbotd.driving.motor_watch import Credit, MotorWatch, MotorWatchState
 from chefbotd.driving.obstacle_guard import ObstacleGuard, Scans, WheelsAtReading
@@ -65,7 +65,7 @@ NO_BOARD = "no_board"
 JUST_S = 0.001
 """The margin by which a reading that is just too old exceeds its limit."""
 
-WAITING = "waiting for the board"
+WAITING = Sentence("driving.waiting_for_board", "waiting for the board")
 
 LATCHES_PER_SESSION = 2**20
 """A latch's or a stop's number is the session times this, plus a count. With 32 bits of session a float holds it."""
@@ -102,11 +102,15 @@ class SupervisorState(MutableState):
 
 
 BOARD_STOP_ADVICE = {
-    "stall": "what moves heavily",
-    "estop": "who else has its port open",
-    "dead-man": "what else the processor does",
-    "lost": "the wheel's encoder, its wires and its sign, and what holds the wheel",
-    "storm": "the encoder's wires: it sends more edges than a wheel can make",
+    "stall": Sentence("driving.stop_advice_stall", "what moves heavily"),
+    "estop": Sentence("driving.stop_advice_estop", "who else has its port open"),
+    "dead-man": Sentence("driving.stop_advice_dead_man", "what else the processor does"),
+    "lost": Sentence(
+        "driving.stop_advice_lost", "the wheel's encoder, its wires and its sign, and what holds the wheel"
+    ),
+    "storm": Sentence(
+        "driving.stop_advice_storm", "the encoder's wires: it sends more edges than a wheel can make"
+    ),
 }
 """Where to look first, by a word of the stop's name."""
 
@@ -290,7 +294,7 @@ class SafetySupervisor(StatefulPart[SupervisorState]):
             )
         if self.armed:
             return
-        armed = gate.change_mode(self.own_state.gate, Trigger.ARM, "armed")
+        armed = gate.change_mode(self.own_state.gate, Trigger.ARM, Sentence("driving.armed", "armed"))
         if problem := self.announcer.store(armed):
             raise Refused(RefusalKind.STORAGE_FAILED, latch_file.why_unwritable(problem))
         self.own_state.gate = armed
@@ -329,13 +333,15 @@ class SafetySupervisor(StatefulPart[SupervisorState]):
             self.own_state.link_open = True
             self.own_state.silence = EncoderTimeoutState()
             self.motors.connected()
-            self._recover("the link is back")
+            self._recover(Sentence("driving.link_back", "the link is back"))
         elif isinstance(event, LinkClosed):
             self.own_state.link_open = False
-            self.fail(Fault(FaultKind.LINK_LOST, f"the link was lost: {event.reason}"))
+            lost = Sentence("driving.link_lost", "the link was lost: {why}", why=event.reason)
+            self.fail(Fault(FaultKind.LINK_LOST, lost))
         else:
-            self.fail(Fault(FaultKind.BOARD_RESTARTED, f"the board restarted: {event.cause}"))
-            self._recover("the board is back")
+            restarted = Sentence("driving.board_restarted", "the board restarted: {why}", why=event.cause)
+            self.fail(Fault(FaultKind.BOARD_RESTARTED, restarted))
+            self._recover(Sentence("driving.board_back", "the board is back"))
 
     def note_reading(self, now_s: float, seen: WheelsRead) -> None:
         """A good encoder reading: the encoders are heard, and the wheels are there. Call it before ``decide``."""
@@ -479,8 +485,13 @@ class SafetySupervisor(StatefulPart[SupervisorState]):
         self.motors.note_board(BoardSays("dead_man" in event.stops, event.crc_errors, event.refused))
         if event.stopped_itself and self.armed:
             stops = " and ".join(event.stops).replace("_", "-")
-            advice = " and ".join({text for word, text in BOARD_STOP_ADVICE.items() if word in stops})
-            reason = f"the board has stopped its motors ({stops}), and nobody here asked for it; see {advice}"
+            advice = {text: None for word, text in BOARD_STOP_ADVICE.items() if word in stops}
+            reason = Sentence(
+                "driving.board_stopped",
+                "the board has stopped its motors ({stops}), and nobody here asked for it; see {advice}",
+                stops=stops,
+                advice=join_words(list(advice)),
+            )
             self.fail(Fault(FaultKind.BOARD_STOPPED, reason))
             self._on_fault()
 

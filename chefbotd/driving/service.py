@@ -24,6 +24,7 @@ from chefbotd.core.events import (
 )
 from chefbotd.core.geometry import Motion, WheelDuties
 from chefbotd.core.record import MutableState, StatefulPart
+from chefbotd.core.sentence import Sentence
 from chefbotd.driving.motor_watch import PAUSE_S
 from chefbotd.driving.safety_supervisor import SafetySupervisor, SupervisorState
 from chefbotd.driving.watch_timer import WatchTimer, WatchTimerState
@@ -397,7 +398,11 @@ class DriveService(StatefulPart[DriveServiceState]):
 
     def _on_internal_error(self, error: Exception) -> None:
         self.memory.internal_errors += 1
-        reason = f"the control loop failed and stopped: {error!r}; see the log"
+        reason = Sentence(
+            "driving.loop_failed",
+            "the control loop failed and stopped: {error}; see the log",
+            error=repr(error),
+        )
         self.keeper.fail(Fault(FaultKind.INTERNAL_ERROR, reason))
         self._halt()
         self.keeper.publish_gate_state(self._clock.now_s())

@@ -12,6 +12,7 @@ import structlog
 from chefbotd.app import Daemon
 from chefbotd.clock import Clock
 from chefbotd.composition.context import NO_SUBSTITUTES, FeatureBuilder
+from chefbotd.core.sentence import Sentence
 from chefbotd.link.board_memory import BoardMemory
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import Opener
@@ -64,8 +65,15 @@ class Supervisor:
     ) -> None:
         self.failures[name] += 1
         log.error("a service has failed", service=name, error=repr(error), exc_info=error)
-        reason = "was cancelled" if error is None else repr(error)
-        on_failure(Fault(FaultKind.SERVICE_FAILED, f"the service '{name}' failed: {reason}"))
+        if error is None:
+            reason = Sentence(
+                "driving.service_cancelled", "the service '{name}' failed: was cancelled", name=name
+            )
+        else:
+            reason = Sentence(
+                "driving.service_failed", "the service '{name}' failed: {error}", name=name, error=repr(error)
+            )
+        on_failure(Fault(FaultKind.SERVICE_FAILED, reason))
         now_s = self._clock.now_s()
         self._recent_s.append(now_s)
         while now_s - self._recent_s[0] > WITHIN_S:

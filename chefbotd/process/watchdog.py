@@ -17,6 +17,7 @@ import structlog
 
 from chefbotd.clock import Clock
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.watchdog import WatchdogParameters
 
@@ -164,8 +165,20 @@ class Watchdog:
                 self._intervene(stood_s)
 
     def _intervene(self, stood_s: float) -> None:
-        outcome = "the watchdog stopped the motors" if self._stop() else "the board accepted no stop"
+        was_stopped = self._stop()
         if stood_s < self._latch_after_s or not self._control.is_driving:
             return
-        reason = f"the control loop did not run for {stood_s:.2f} s and {outcome}; the log may say why"
+        if was_stopped:
+            reason = Sentence(
+                "driving.watchdog_stopped",
+                "the control loop did not run for {stood_s:.2f} s and the watchdog stopped the motors; the log may say "
+                "why",
+                stood_s=stood_s,
+            )
+        else:
+            reason = Sentence(
+                "driving.watchdog_failed",
+                "the control loop did not run for {stood_s:.2f} s and the board accepted no stop; the log may say why",
+                stood_s=stood_s,
+            )
         self._report(Fault(FaultKind.LOOP_BLOCKED, reason))

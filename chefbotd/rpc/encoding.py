@@ -8,6 +8,7 @@ import msgspec
 from pydantic import BaseModel
 
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence, mark_sentence, with_ids
 
 
 class UnknownData:
@@ -46,11 +47,33 @@ def _plain(value: object) -> object:
         return value.model_dump(mode="json")
     if isinstance(value, Mapping):
         return dict(value)
+    if isinstance(value, Sentence):
+        raise _SentenceMet
     raise NotImplementedError(f"{type(value).__name__} cannot be sent")
 
 
-encode = msgspec.json.Encoder(enc_hook=_plain).encode
-"""A record as JSON; a number that is not finite is null."""
+class _SentenceMet(Exception):
+    """There is a sentence in what is encoded."""
+
+
+def _marked(value: object) -> object:
+    return mark_sentence(value) if isinstance(value, Sentence) else _plain(value)
+
+
+_ENCODER = msgspec.json.Encoder(enc_hook=_plain)
+_MARKING = msgspec.json.Encoder(enc_hook=_marked)
+
+
+def encode(record: object) -> bytes:
+    """A record as JSON; a number that is not finite is null.
+
+    An object of which a text is a sentence has its id and its arguments in its member ``said``, by the text's name.
+    Records without one are encoded at once, and cost no more for it.
+    """
+    try:
+        return _ENCODER.encode(record)
+    except _SentenceMet:
+        return _ENCODER.encode(with_ids(msgspec.json.decode(_MARKING.encode(record))))
 
 
 def plain(record: object) -> Any:

@@ -12,6 +12,7 @@ from pydantic import Field
 from chefbotd.core.events import BatteryLevelStatus, BatteryMeasured
 from chefbotd.core.parameters import Parameters
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 from chefbotd.safety.faults import Fault, FaultKind
 
 
@@ -76,5 +77,9 @@ def judge(
         since_s = now_s
     if since_s is None or not critical or now_s - since_s < params.critical_s:
         return BatteryWatch(since_s, share, critical, now_s), None
-    reason = f"the battery is critically low ({measured.voltage_v:.1f} V): charge it"
+    reason = Sentence(
+        "driving.battery_critical",
+        "the battery is critically low ({voltage_v:.1f} V): charge it",
+        voltage_v=measured.voltage_v,
+    )
     return BatteryWatch(None, share, critical, now_s), Fault(FaultKind.BATTERY_CRITICAL, reason)

@@ -7,6 +7,7 @@ which commands arrive is taken off again: a line that loses some of them drives 
 """
 
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 from chefbotd.safety.faults import Fault, FaultKind
 
 LOST_S = 1.0
@@ -36,10 +37,14 @@ def watch(lost_s: float, says: BoardSays, dt_s: float, *, driven: bool) -> tuple
 
 
 def _explain(lost_s: float, says: BoardSays) -> Fault:
-    reason = (
-        f"no command reaches the board: its dead-man has kept the motors off for {lost_s:.1f} s in which it was sent "
-        f"commands, and so far it has counted {says.damaged} damaged lines and {says.refused} that it refused. The "
-        "wheels are not to blame: check the cable to the board, its plugs, and what runs beside it"
+    reason = Sentence(
+        "driving.commands_lost",
+        "no command reaches the board: its dead-man has kept the motors off for {lost_s:.1f} s in which it was sent "
+        "commands, and so far it has counted {damaged} damaged lines and {refused} that it refused. The "
+        "wheels are not to blame: check the cable to the board, its plugs, and what runs beside it",
+        lost_s=lost_s,
+        damaged=says.damaged,
+        refused=says.refused,
     )
     return Fault(FaultKind.COMMANDS_LOST, reason)
 
@@ -47,9 +52,13 @@ def _explain(lost_s: float, says: BoardSays) -> Fault:
 def explain_unheard(wheels_fault: Fault, shown: tuple[float, ...], sent: tuple[int, ...]) -> Fault:
     """The fault of a line behind which a wheel stands as the board's echo has it: ``shown``, where ``sent`` was sent."""
     shown_text, sent_text = " ".join(f"{value:g}" for value in shown), " ".join(map(str, sent))
-    reason = (
-        f"no command reaches the board: it echoes {shown_text!r}, where {sent_text!r} was sent, so it says that it "
+    reason = Sentence(
+        "driving.commands_unheard",
+        "no command reaches the board: it echoes {shown!r}, where {sent!r} was sent, so it says that it "
         "drives no motor. Check the cable to the board and its plugs, and whether the board stops its motors by itself. "
-        f"If its 's' lines mean something else: {wheels_fault.reason}"
+        "If its 's' lines mean something else: {why}",
+        shown=shown_text,
+        sent=sent_text,
+        why=wheels_fault.reason,
     )
     return Fault(FaultKind.COMMANDS_LOST, reason)

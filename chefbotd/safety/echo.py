@@ -12,6 +12,7 @@ from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.safety.faults import Fault, FaultKind
 
 Duty = tuple[int, ...]
@@ -102,8 +103,11 @@ def _was_said(state: EchoState, shown: tuple[float, ...], since_s: float) -> boo
 def _explain(state: EchoState) -> Fault:
     shown = " ".join(f"{value:g}" for value in state.shown)
     said = " ".join(map(str, state.said[0][1])) if state.said else "nothing"
-    reason = (
-        f"the board echoes {shown!r}, which it was not sent (last: {said!r}): check the cable, "
-        "that nobody else writes to the port, and the sketch's receive buffer"
+    reason = Sentence(
+        "driving.echo_mismatch",
+        "the board echoes {shown!r}, which it was not sent (last: {sent!r}): check the cable, "
+        "that nobody else writes to the port, and the sketch's receive buffer",
+        shown=shown,
+        sent=said,
     )
     return Fault(FaultKind.ECHO_MISMATCH, reason)

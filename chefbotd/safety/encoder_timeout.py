@@ -18,6 +18,7 @@ from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.safety.faults import Fault, FaultKind
 
 
@@ -114,11 +115,21 @@ def update(
     earlier_s = state.unexplained_s if silent_s > WAIT_S else 0.0
     if not interrupted or silent_s + earlier_s <= params.latch_after_s:
         return replace(state, interrupted=interrupted), None
-    before = f", and shortly before for {earlier_s:.1f} s in all," if earlier_s else ""
-    reason = (
-        f"no encoder reading for {silent_s:.1f} s{before} while the robot was driven: "
-        "check that the board runs, that its sketch still sends encoder readings, and the cable"
-    )
+    if earlier_s:
+        reason = Sentence(
+            "driving.encoders_silent_again",
+            "no encoder reading for {silent_s:.1f} s, and shortly before for {earlier_s:.1f} s in all, while the robot "
+            "was driven: check that the board runs, that its sketch still sends encoder readings, and the cable",
+            silent_s=silent_s,
+            earlier_s=earlier_s,
+        )
+    else:
+        reason = Sentence(
+            "driving.encoders_silent",
+            "no encoder reading for {silent_s:.1f} s while the robot was driven: "
+            "check that the board runs, that its sketch still sends encoder readings, and the cable",
+            silent_s=silent_s,
+        )
     return EncoderTimeoutState(state.heard_s, missed_s=state.missed_s), Fault(
         FaultKind.ENCODERS_SILENT, reason
     )

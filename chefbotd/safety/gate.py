@@ -155,7 +155,7 @@ class GateState(Record, frozen=True):
     """The mode, the reason for it (``fault``: the fault that latched), and the newest command of each source."""
 
     mode: Mode = Mode.ARMED
-    reason: str = "started"
+    reason: str = Sentence("driving.started", "started")
     commands: tuple[Command, ...] = ()
     fault: FaultKind | None = None
 
@@ -178,21 +178,20 @@ COME_TO_REST = Decision(STANDING, None, halted=False)
 DEAD_MAN = "dead_man"
 """What limits a command that is too old to be followed, until it is past its source's time-out as well."""
 
-_STOPPED: Mapping[str, str] = {
-    Mode.DISARMED: "the robot is stopped",
-    Mode.ESTOPPED: "the emergency stop is on",
-}
-
 
 def why_not_armed(mode: str, reason: str) -> str:
     """The mode of a robot that may not move, for people; one that waits for its board has only the reason."""
-    return f"{_STOPPED[mode]} ({reason})" if mode in _STOPPED else reason
+    if mode == Mode.ESTOPPED:
+        return Sentence("driving.is_estopped", "the emergency stop is on ({reason})", reason=reason)
+    if mode == Mode.DISARMED:
+        return Sentence("driving.is_disarmed", "the robot is stopped ({reason})", reason=reason)
+    return reason
 
 
 def not_armed(mode: str, reason: str) -> Refused:
     """The refusal of a motion that was asked for meanwhile."""
     kind = RefusalKind.ESTOPPED if mode == Mode.ESTOPPED else RefusalKind.DISARMED
-    if mode not in _STOPPED:
+    if mode not in (Mode.ESTOPPED, Mode.DISARMED):
         return Refused(kind, reason)
     if mode == Mode.ESTOPPED:
         why = Sentence(
@@ -257,7 +256,14 @@ def change_mode(state: GateState, trigger: Trigger, reason: str, fault: FaultKin
     if fault in UNSTOPPED and state.mode is not Mode.ARMED:
         if state.fault is fault:
             return state
-        return GateState(mode, f"{reason} ({state.mode} before that: {state.reason})", fault=fault)
+        both = Sentence(
+            "driving.stopped_before",
+            "{reason} ({mode} before that: {before})",
+            reason=reason,
+            mode=str(state.mode),
+            before=state.reason,
+        )
+        return GateState(mode, both, fault=fault)
     if (
         mode is Mode.DISARMED
         and state.fault in RECOVERABLE

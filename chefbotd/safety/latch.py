@@ -18,19 +18,25 @@ MAX_REASON_CHARACTERS = 1000
 
 UNCLEAN_SHUTDOWN = GateState(
     Mode.DISARMED,
-    "the previous daemon did not shut down properly; arm the robot when it may move",
+    Sentence(
+        "driving.unclean_shutdown",
+        "the previous daemon did not shut down properly; arm the robot when it may move",
+    ),
     fault=FaultKind.UNCLEAN_SHUTDOWN,
 )
 UNREADABLE = GateState(
     Mode.DISARMED,
-    "the state of the previous daemon cannot be read, and the log says why; arm the robot when it may move",
+    Sentence(
+        "driving.latch_unreadable",
+        "the state of the previous daemon cannot be read, and the log says why; arm the robot when it may move",
+    ),
     fault=FaultKind.UNCLEAN_SHUTDOWN,
 )
 
 
 def unwritable(problem: str) -> GateState:
     """Where a latch is configured and cannot be written, a restart would forget an e-stop: the robot stays disarmed."""
-    return GateState(Mode.DISARMED, str(why_unwritable(problem)), fault=FaultKind.LATCH_UNWRITABLE)
+    return GateState(Mode.DISARMED, why_unwritable(problem), fault=FaultKind.LATCH_UNWRITABLE)
 
 
 def why_unwritable(problem: str) -> Sentence:

@@ -13,6 +13,7 @@ from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence, join_words
 
 
 class OffTargetParameters(Parameters):
@@ -110,13 +111,28 @@ def sentence(
         return ""
     worst = max(off, key=lambda i: abs(state[i].measured_m_s - state[i].asked_m_s))
     pace = state[worst]
-    who = " and ".join([names[i] for i in off])
-    turns = "turn" if len(off) > 1 else "turns"
-    return (
-        f"{who} {turns} at {abs(pace.measured_m_s):.2f} m/s by the encoders, where {abs(pace.asked_m_s):.2f} is asked "
-        f"for{_compare_pace(pace, free_m_s)}. Calibrate the encoders by hand first: "
-        f"the configured {counts_per_turn:g} counts per turn are assumed unless somebody has done that. If they are "
-        "right, see the full scale of the duty, the gains, the battery, and what holds the wheel"
+    who, pace_words = join_words([names[i] for i in off]), _compare_pace(pace, free_m_s)
+    speeds = {"measured_m_s": abs(pace.measured_m_s), "asked_m_s": abs(pace.asked_m_s), "pace": pace_words}
+    if len(off) > 1:
+        return Sentence(
+            "driving.wheels_off_target",
+            "{wheels} turn at {measured_m_s:.2f} m/s by the encoders, where {asked_m_s:.2f} is asked for{pace}. "
+            "Calibrate the encoders by hand first: "
+            "the configured {counts:g} counts per turn are assumed unless somebody has done that. If they are "
+            "right, see the full scale of the duty, the gains, the battery, and what holds the wheel",
+            wheels=who,
+            counts=counts_per_turn,
+            **speeds,
+        )
+    return Sentence(
+        "driving.wheel_off_target",
+        "{wheels} turns at {measured_m_s:.2f} m/s by the encoders, where {asked_m_s:.2f} is asked for{pace}. "
+        "Calibrate the encoders by hand first: "
+        "the configured {counts:g} counts per turn are assumed unless somebody has done that. If they are "
+        "right, see the full scale of the duty, the gains, the battery, and what holds the wheel",
+        wheels=who,
+        counts=counts_per_turn,
+        **speeds,
     )
 
 
@@ -134,9 +150,13 @@ def _compare_pace(pace: Pace, free_m_s: float) -> str:
     """How that compares with what the duty can give."""
     most_m_s = abs(pace.effort) * free_m_s
     if _outruns(pace.measured_m_s, pace.effort, free_m_s):
-        return (
-            f"; its motor can make {most_m_s:.2f} at that duty, so the counts, or the duty's scale, are wrong"
+        return Sentence(
+            "driving.outruns_motor",
+            "; its motor can make {most_m_s:.2f} at that duty, so the counts, or the duty's scale, are wrong",
+            most_m_s=most_m_s,
         )
     if _lags(pace.measured_m_s, pace.effort, free_m_s):
-        return f"; at that duty a free wheel makes about {most_m_s:.2f}"
+        return Sentence(
+            "driving.lags_motor", "; at that duty a free wheel makes about {most_m_s:.2f}", most_m_s=most_m_s
+        )
     return ""

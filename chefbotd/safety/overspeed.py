@@ -18,6 +18,7 @@ from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence, join_words
 from chefbotd.safety.faults import Fault, FaultKind
 
 
@@ -134,10 +135,14 @@ def _explain(names: tuple[str, ...], too_fast: list[int], state: OverspeedState)
     worst = max(
         [state[i] for i in too_fast], key=lambda excess: abs(excess.measured_m_s) - excess.allowed_m_s
     )
-    reason = (
-        f"{' and '.join(names[i] for i in too_fast)} much faster than asked "
-        f"({worst.measured_m_s:.2f} m/s instead of {worst.worst_asked_m_s:.2f}), "
-        f"where {worst.allowed_m_s:.2f} m/s were allowed: check the configured full scale of the duty, "
-        "the gains, the encoder's counts per turn, and the motor's driver"
+    reason = Sentence(
+        "driving.overspeed",
+        "{wheels} much faster than asked ({measured_m_s:.2f} m/s instead of {asked_m_s:.2f}), "
+        "where {allowed_m_s:.2f} m/s were allowed: check the configured full scale of the duty, "
+        "the gains, the encoder's counts per turn, and the motor's driver",
+        wheels=join_words([names[i] for i in too_fast]),
+        measured_m_s=worst.measured_m_s,
+        asked_m_s=worst.worst_asked_m_s,
+        allowed_m_s=worst.allowed_m_s,
     )
     return Fault(FaultKind.OVERSPEED, reason)

@@ -14,6 +14,7 @@ from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.safety.faults import Fault, FaultKind
 
 
@@ -109,9 +110,21 @@ that is driven."""
 
 
 def _explain(told_s: float, fastest_m_s: float, echoes_motion: bool) -> Fault:
-    echo = ", and its echo shows a duty other than zero" if echoes_motion else ""
-    reason = (
-        f"the board ignores commands: the wheels turn at {fastest_m_s:.2f} m/s, {told_s:.1f} s after they were told to "
-        f"stand{echo}. Cut the motors' power; then check the board, its cable and the motors' driver"
-    )
+    if echoes_motion:
+        reason = Sentence(
+            "driving.unresponsive_and_echoes",
+            "the board ignores commands: the wheels turn at {fastest_m_s:.2f} m/s, {told_s:.1f} s after they were told "
+            "to stand, and its echo shows a duty other than zero. Cut the motors' power; then check the board, its "
+            "cable and the motors' driver",
+            fastest_m_s=fastest_m_s,
+            told_s=told_s,
+        )
+    else:
+        reason = Sentence(
+            "driving.unresponsive",
+            "the board ignores commands: the wheels turn at {fastest_m_s:.2f} m/s, {told_s:.1f} s after they were told "
+            "to stand. Cut the motors' power; then check the board, its cable and the motors' driver",
+            fastest_m_s=fastest_m_s,
+            told_s=told_s,
+        )
     return Fault(FaultKind.BOARD_UNRESPONSIVE, reason)

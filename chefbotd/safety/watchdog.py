@@ -9,6 +9,7 @@ from typing import Final
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.sentence import Sentence
 from chefbotd.safety.faults import Fault, FaultKind
 
 COUNTED_S: Final = 60.0
@@ -51,13 +52,19 @@ def judge_pause(
     """
     recent_s = (*[paused_s for paused_s in pauses_s if now_s - paused_s < COUNTED_S], now_s)
     if stood_s >= parameters.latch_after_s:
-        reason = (
-            f"the control loop did not run for {stood_s:.2f} s, or the whole program; its log may say why"
+        reason = Sentence(
+            "driving.loop_stood",
+            "the control loop did not run for {stood_s:.2f} s, or the whole program; its log may say why",
+            stood_s=stood_s,
         )
     elif len(recent_s) >= parameters.latch_pauses:
-        reason = (
-            f"the control loop stood still {len(recent_s)} times within {COUNTED_S:g} s while it drove, "
-            f"the last time for {stood_s:.2f} s: the computer is too busy"
+        reason = Sentence(
+            "driving.loop_stood_often",
+            "the control loop stood still {times} times within {within_s:g} s while it drove, "
+            "the last time for {stood_s:.2f} s: the computer is too busy",
+            times=len(recent_s),
+            within_s=COUNTED_S,
+            stood_s=stood_s,
         )
     else:
         return recent_s, None

@@ -27,6 +27,7 @@ from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence, join_words
 from chefbotd.safety.faults import Fault, FaultKind
 
 
@@ -137,10 +138,10 @@ def note_jump(
     counted = WheelWatchState(state.pushes, jumps)
     if not bad:
         return counted, None
-    who = " and ".join(bad)
+    who = join_words(bad)
     if not missing:
         return counted, _explain(FaultKind.ENCODER_JUMPS, who)
-    return counted, Fault(FaultKind.ENCODER_JUMPS, _MISSING_WORDS.format(who, " and no ".join(missing)))
+    return counted, _explain_jumps_without(who, missing)
 
 
 def _push(
@@ -215,27 +216,40 @@ def _first_fault(
     return None
 
 
-_MISSING_WORDS = (
-    "{0} has an encoder whose counts jump further than a wheel can turn, and the board sends no {1}: a line that waited "
-    "on its way looks like a jump then. Give the board a sketch that sends them first; if the counts still jump, check "
-    "the configured counts per turn, and the encoder's cable and connector for a loose contact"
-)
-
-_WORDS = {
-    FaultKind.ENCODER_JUMPS: (
-        "{} has an encoder whose counts jump further than a wheel can turn: "
-        "check its cable and connector for a loose contact, and the configured counts per turn"
-    ),
-    FaultKind.WHEEL_STALLED: (
-        "{} is driven and does not turn: check whether it is blocked, "
-        "whether its motor has power and its encoder is plugged in"
-    ),
-    FaultKind.WHEEL_REVERSED: (
-        "{} turns the wrong way: check whether its motor or its encoder is wired backwards, "
-        "or swapped with another wheel's"
-    ),
-}
+def _explain_jumps_without(wheels: str, missing: tuple[str, ...]) -> Fault:
+    """The fault where the board does not send what would tell a jump from a line that waited."""
+    reason = Sentence(
+        "driving.encoder_jumps_without",
+        "{wheels} has an encoder whose counts jump further than a wheel can turn, and the board sends no {missing}: a "
+        "line that waited on its way looks like a jump then. Give the board a sketch that sends them first; if the "
+        "counts still jump, check the configured counts per turn, and the encoder's cable and connector for a loose "
+        "contact",
+        wheels=wheels,
+        missing=" and no ".join(missing),
+    )
+    return Fault(FaultKind.ENCODER_JUMPS, reason)
 
 
 def _explain(kind: FaultKind, wheels: str) -> Fault:
-    return Fault(kind, _WORDS[kind].format(wheels))
+    if kind is FaultKind.ENCODER_JUMPS:
+        reason = Sentence(
+            "driving.encoder_jumps",
+            "{wheels} has an encoder whose counts jump further than a wheel can turn: "
+            "check its cable and connector for a loose contact, and the configured counts per turn",
+            wheels=wheels,
+        )
+    elif kind is FaultKind.WHEEL_STALLED:
+        reason = Sentence(
+            "driving.wheel_stalled",
+            "{wheels} is driven and does not turn: check whether it is blocked, "
+            "whether its motor has power and its encoder is plugged in",
+            wheels=wheels,
+        )
+    else:
+        reason = Sentence(
+            "driving.wheel_reversed",
+            "{wheels} turns the wrong way: check whether its motor or its encoder is wired backwards, "
+            "or swapped with another wheel's",
+            wheels=wheels,
+        )
+    return Fault(kind, reason)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from chefbotd.core.sentence import Sentence, join_words
 from chefbotd.settings.model import Settings
 
 
@@ -30,7 +31,9 @@ def guard_warning(settings: Settings) -> str:
     sensors = [f"{kind} ({', '.join(names)})" for kind, names in seeing.items() if names]
     if not sensors:
         return ""
-    return (
-        f"{' and '.join(sensors)}, and the guard is off: nothing stops the robot before what is seen; delete "
-        "enabled = false in [safety.guard]"
+    return Sentence(
+        "driving.guard_off",
+        "{sensors}, and the guard is off: nothing stops the robot before what is seen; delete "
+        "enabled = false in [safety.guard]",
+        sensors=join_words(sensors),
     )

@@ -4,26 +4,34 @@ import ast
 import json
 import pickle
 import re
-from collections.abc import Iterator
-from pathlib import Path
 
-import chefbotd
+import msgspec
+
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.sentence import Sentence, sentence_data, sentence_of
+from chefbotd.core.events.robot import SafetyChanged
+from chefbotd.core.record import Record, state_line
+from chefbotd.core.sentence import Sentence, join_words, sentence_data, sentence_of
+from chefbotd.event_classes import encode as encode_event
+from chefbotd.rpc.encoding import encode
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.rpc.method import Unserved
 from chefbotd.safety.gate import not_armed
+from chefbotd.snapshot import encode_state
+from tests.sentences import ROOT, modules, patterns
 
-ROOT = Path(chefbotd.__file__).parent
+NO_EVENTS = {
+    "components/agents/models.py",
+    "components/calibration/fit_process.py",
+    "components/calibration/service.py",
+    "components/invitations/access_file.py",
+    "components/recording/chunk.py",
+    "components/recording/foxglove.py",
+    "components/recording/replay/run.py",
+    "components/worker/messages.py",
+    "safety/latch.py",
+}
+"""What encodes what it has made itself, without a sentence."""
 REFERENCE = ROOT.parent / "docs" / "reference" / "refusals.md"
-
-
-def patterns() -> Iterator[tuple[str, str]]:
-    """The id and the pattern of every sentence in the code."""
-    for path in sorted(ROOT.rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Sentence":
-                yield ast.literal_eval(node.args[0]), ast.literal_eval(node.args[1])
 
 
 def as_listed(pattern: str) -> str:
@@ -99,3 +107,98 @@ def test_a_robot_that_may_not_move_says_why_by_an_id() -> None:
     """The reason is an argument, so that a page can say the rest in its language."""
     assert not_armed("estopped", "smoke").data == {"id": "driving.estopped", "arguments": {"reason": "smoke"}}
     assert str(not_armed("estopped", "smoke")) == "the emergency stop is on (smoke); arm the robot first"
+
+
+class Place(Record, frozen=True):
+    """A part of a topic's data."""
+
+    name: str
+    note: str = ""
+
+
+class Trip(Record, frozen=True):
+    """A topic's data with two texts that may be sentences, and more of them within."""
+
+    reason: str
+    far_m: float
+    places: tuple[Place, ...] = ()
+    words: tuple[str, ...] = ()
+
+
+FAR = Sentence("trip.far", "{place} is far away", place="bar")
+FAR_SAID = {"id": "trip.far", "arguments": {"place": "bar"}}
+
+
+def test_what_is_sent_of_a_sentence_is_its_words_and_beside_them_its_id() -> None:
+    """In the member ``said`` of the object that has the text; a text without an id is sent as it always was."""
+    trip = Trip(FAR, float("nan"), (Place("bar", FAR), Place("hall")), (FAR,))
+    assert json.loads(encode(trip)) == {
+        "reason": "bar is far away",
+        "far_m": None,
+        "places": [
+            {"name": "bar", "note": "bar is far away", "said": {"note": FAR_SAID}},
+            {"name": "hall", "note": ""},
+        ],
+        "words": ["bar is far away"],
+        "said": {"reason": FAR_SAID},
+    }
+    assert encode(Trip("off", 1.0)) == b'{"reason":"off","far_m":1.0,"places":[],"words":[]}'
+
+
+def test_a_client_of_an_earlier_version_reads_what_it_knows() -> None:
+    """The text is where it always was, and is text."""
+    assert msgspec.json.decode(encode(Trip(FAR, 1.0)), type=Trip) == Trip("bar is far away", 1.0)
+
+
+def test_an_event_is_recorded_with_its_english_words_alone() -> None:
+    """Byte by byte as it was without an id: an old recording and a new one are compared as they are."""
+    assert encode_event(Trip(FAR, 1.0)) == encode_event(Trip("bar is far away", 1.0))
+    assert encode_state(Trip(FAR, 1.0)) == encode_state(Trip("bar is far away", 1.0))
+
+
+def test_several_words_are_joined_by_an_and_that_has_an_id() -> None:
+    """One alone is as it is."""
+    assert join_words(["bar"]) == "bar"
+    joined = join_words(["bar", "hall", "door"])
+    assert joined == "bar and hall and door"
+    assert sentence_data(joined)["id"] == "driving.and"
+
+
+def test_the_log_says_a_state_and_its_reason_apart() -> None:
+    """Where the reason has an id; else the line is the text that it was."""
+    line = state_line("trip", "waiting", FAR)
+    assert line.text == "waiting: bar is far away"
+    assert sentence_data(line.text)["arguments"] == {
+        "state": "waiting",
+        "reason": {"message": "bar is far away", **FAR_SAID},
+    }
+    assert sentence_data(state_line("trip", "waiting", "Ann").text) == {}
+
+
+def test_each_encoder_knows_sentences() -> None:
+    """Without a hook msgspec takes no class of text but its own, and an event with a reason would not be encoded."""
+    without: set[str] = set()
+    for path, module in modules():
+        for node in ast.walk(module):
+            if not isinstance(node, ast.Call):
+                continue
+            called = ast.unparse(node.func)
+            hooks = {keyword.arg for keyword in node.keywords}
+            makes = called.endswith(("json.Encoder", "msgpack.Encoder")) and "enc_hook" not in hooks
+            if makes or called.endswith(("json.encode", "msgpack.encode")):
+                without.add(path.relative_to(ROOT).as_posix())
+    assert without == NO_EVENTS
+
+
+def mode_words(event: SafetyChanged) -> str:
+    """The line of the log of a gate's event."""
+    return event.log_line().text
+
+
+def test_the_log_of_the_gate_keeps_the_reason_where_a_fault_and_a_limit_are_told_with_it() -> None:
+    """As sentences around it."""
+    event = SafetyChanged(1.0, "disarmed", FAR, None, fault="link_lost", limited_by="no_echo")
+    text = mode_words(event)
+    assert text == "disarmed: bar is far away (limited by no_echo) [link_lost]"
+    limited = sentence_data(text)["arguments"]["text"]
+    assert limited["arguments"]["text"]["arguments"]["reason"] == {"message": FAR, **FAR_SAID}

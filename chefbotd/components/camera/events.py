@@ -5,6 +5,9 @@ from typing import ClassVar, Literal
 import msgspec
 
 from chefbotd.core.record import Level, LogLine, Record, replace
+from chefbotd.core.sentence import Sentence, plain_words
+
+_ENCODER = msgspec.json.Encoder(enc_hook=plain_words)
 
 
 class CameraData(Record, frozen=True):
@@ -29,8 +32,10 @@ class CameraChanged(CameraData, frozen=True, kw_only=True):
     def log_line(self) -> LogLine:
         """The line in the log: the same one, which is written once, however often somebody looks and looks away."""
         if self.state == "failed":
-            return LogLine(Level.WARNING, "camera", f"no picture: {self.reason}")
-        return LogLine(Level.INFO, "camera", "nothing is known to be wrong")
+            return LogLine(
+                Level.WARNING, "camera", Sentence("camera.no_picture", "no picture: {why}", why=self.reason)
+            )
+        return LogLine(Level.INFO, "camera", Sentence("camera.well", "nothing is known to be wrong"))
 
 
 class CameraPictureTaken(Record, frozen=True):
@@ -49,4 +54,4 @@ class CameraPictureTaken(Record, frozen=True):
 
     def encode_recorded(self) -> bytes:
         """The event as it is recorded."""
-        return msgspec.json.encode(replace(self, jpeg=b""))
+        return _ENCODER.encode(replace(self, jpeg=b""))

@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 from chefbotd.core.record import Level, LogLine, Record
+from chefbotd.core.sentence import Sentence
 
 
 class MapEdited(Record, frozen=True):
@@ -16,4 +17,6 @@ class MapEdited(Record, frozen=True):
 
     def log_line(self) -> LogLine:
         """The line in the log."""
-        return LogLine(Level.INFO, "map_edits", f"the map {self.map} was edited")
+        return LogLine(
+            Level.INFO, "map_edits", Sentence("map_edits.edited", "the map {map} was edited", map=self.map)
+        )

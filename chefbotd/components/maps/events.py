@@ -6,6 +6,7 @@ from msgspec import Meta
 
 from chefbotd.core.grid_patch import GridPatch
 from chefbotd.core.record import Level, LogLine, Record, state_line
+from chefbotd.core.sentence import Sentence
 
 
 class MapChanged(GridPatch, frozen=True):
@@ -73,7 +74,13 @@ class MapLoaded(Record, frozen=True):
 
     def log_line(self) -> LogLine:
         """The line in the log."""
-        return LogLine(Level.INFO, "maps", f"{self.name}, version {self.version}, is in use")
+        return LogLine(
+            Level.INFO,
+            "maps",
+            Sentence(
+                "maps.in_use", "{map}, version {version}, is in use", map=self.name, version=self.version
+            ),
+        )
 
 
 class MapUnloaded(Record, frozen=True):

@@ -13,7 +13,7 @@ from chefbotd.components.recording.chunk import Channels
 from chefbotd.core.events.robot import POSE_ENDED
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import LogLine
-from chefbotd.event_classes import encode_scan
+from chefbotd.event_classes import encode_scan, encode_words
 
 POSE: Mapping[str, Any] = {
     "type": "object",
@@ -169,9 +169,7 @@ class Encoder:
             topic,
             channel,
             "arrival_s" in event_class.__annotations__,
-            encode_scan
-            if name == "ScanMeasured"
-            else getattr(event_class, "encode_recorded", msgspec.json.encode),
+            encode_scan if name == "ScanMeasured" else getattr(event_class, "encode_recorded", encode_words),
             self._drawings.get(getattr(event_class, "drawn_as", "")),
             getattr(event_class, "log_line", None),
             getattr(event_class, "retained", False),
@@ -197,7 +195,7 @@ class Encoder:
     def _put_message(self, topic: str, message: Struct, log_ns: int) -> tuple[int, bytes]:
         kind = type(message)
         channel = self._channels.number(topic, f"foxglove.{kind.__name__}", fm.SCHEMAS[kind])
-        payload = msgspec.json.encode(message)
+        payload = encode_words(message)
         self._sink.add(channel, self.sequence, log_ns, payload)
         return channel, payload
 

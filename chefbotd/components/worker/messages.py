@@ -6,13 +6,16 @@ Arrays are the bytes of little-endian 32-bit floats.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias, TypeVar
 
 import msgspec
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured
+from chefbotd.core.sentence import SAID, Sentence, mark_sentence, with_ids, with_sentences
+
+S = TypeVar("S")
 
 MOST_BYTES: Final = 1 << 25
 """No message is longer: a map of 100 by 100 m is 4 million cells, and compressed to a fraction of that."""
@@ -139,8 +142,24 @@ ARRAY: Final = 1
 """The code of an array among MessagePack's extension types."""
 
 
-def _array_to_extension(array: Any) -> msgspec.msgpack.Ext:
-    return msgspec.msgpack.Ext(ARRAY, array.astype("<f4").tobytes())
+def _array_to_extension(value: Any) -> msgspec.msgpack.Ext | str:
+    if isinstance(value, Sentence):
+        return str(value)
+    return msgspec.msgpack.Ext(ARRAY, value.astype("<f4").tobytes())
+
+
+class _SentenceMet(Exception):
+    """There is a sentence in what is packed."""
+
+
+def _refuse_sentence(value: Any) -> msgspec.msgpack.Ext | str:
+    if isinstance(value, Sentence):
+        raise _SentenceMet
+    return _array_to_extension(value)
+
+
+def _mark_sentence(value: Any) -> Any:
+    return mark_sentence(value) if isinstance(value, Sentence) else _array_to_extension(value)
 
 
 def _extension_to_array(code: int, data: memoryview) -> Any:
@@ -150,6 +169,10 @@ def _extension_to_array(code: int, data: memoryview) -> Any:
 
 
 ENCODER: Final = msgspec.msgpack.Encoder(enc_hook=_array_to_extension)
+BODIES: Final = msgspec.msgpack.Encoder(enc_hook=_refuse_sentence)
+MARKED: Final = msgspec.msgpack.Encoder(enc_hook=_mark_sentence)
+HAS_SENTENCES: Final = msgspec.msgpack.encode(SAID)
+"""The bytes without which there is no sentence in a body."""
 MEASUREMENTS: Final[Mapping[str, "msgspec.msgpack.Decoder[Measurement]"]] = {
     kind.__name__: msgspec.msgpack.Decoder(kind, ext_hook=_extension_to_array)
     for kind in (ScanMeasured, OdometryUpdated, RangeMeasured)
@@ -164,7 +187,18 @@ class NotAMessage(ValueError):
 
 def pack_body(value: msgspec.Struct | None) -> bytes:
     """A struct as MessagePack, for a ``body``; None: an answer that says no more than that it was done."""
-    return ENCODER.encode(value)
+    try:
+        return BODIES.encode(value)
+    except _SentenceMet:
+        return ENCODER.encode(with_ids(msgspec.msgpack.decode(MARKED.encode(value))))
+
+
+def unpack_body(decoder: "msgspec.msgpack.Decoder[S]", body: bytes) -> S:
+    """The struct that ``pack_body`` has packed, each sentence in it with its id; raises ``ValueError`` for another."""
+    value = decoder.decode(body)
+    if HAS_SENTENCES not in body:
+        return value
+    return msgspec.convert(with_sentences(msgspec.msgpack.decode(body)), decoder.type, builtin_types=(bytes,))
 
 
 def make_measured(event: Measurement) -> Measured:

@@ -16,7 +16,7 @@ import structlog
 from chefbotd.clock import Clock
 from chefbotd.components.worker import messages
 from chefbotd.components.worker.channel import CLOSED, Channel
-from chefbotd.components.worker.messages import FromWorker, Measurement, make_measured, pack_body
+from chefbotd.components.worker.messages import FromWorker, Measurement, make_measured, pack_body, unpack_body
 from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.requests import OnProgress, RequestCancelled, Requests, WorkerLost
 from chefbotd.components.worker.spawn import Child, Spawn, spawn
@@ -126,7 +126,7 @@ class Worker(StatefulPart[WorkerMemory]):
     def add_listener(self, skill: str, kind: type[S], listener: Callable[[S], None]) -> None:
         """Call ``listener`` with the records of this class that this skill tells without having been asked."""
         decoder = msgspec.msgpack.Decoder(kind)
-        self._listeners[skill, kind.__name__] = lambda body: listener(decoder.decode(body))
+        self._listeners[skill, kind.__name__] = lambda body: listener(unpack_body(decoder, body))
 
     def add_on_ready(self, handler: Callable[[], None]) -> None:
         """Call ``handler`` each time a worker has become ready: it knows nothing of what the one before it was sent."""
@@ -169,8 +169,9 @@ class Worker(StatefulPart[WorkerMemory]):
             raise WorkerLost(_why_not_ready(self.memory.status))
         number, future = self._requests.open(deadline_s, on_progress, is_replayed=is_replayed)
         self._channel.send(messages.SkillRequest(number, skill, deadline_s, pack_body(body)))
+        decoder = msgspec.msgpack.Decoder(answer)
         try:
-            return msgspec.msgpack.decode(await asyncio.shield(future), type=answer)
+            return unpack_body(decoder, await asyncio.shield(future))
         except asyncio.CancelledError:
             if future.done() or self._channel is None:
                 raise
@@ -178,7 +179,7 @@ class Worker(StatefulPart[WorkerMemory]):
             if not settles:
                 raise
             try:
-                return msgspec.msgpack.decode(await future, type=answer)
+                return unpack_body(decoder, await future)
             except (RequestCancelled, Refused):
                 raise asyncio.CancelledError from None
         finally:

@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 from chefbotd.core.record import Level, LogLine, Record
+from chefbotd.core.sentence import Sentence
 
 
 class ZonesChanged(Record, frozen=True):
@@ -16,4 +17,8 @@ class ZonesChanged(Record, frozen=True):
 
     def log_line(self) -> LogLine:
         """The line in the log."""
-        return LogLine(Level.INFO, "zones", f"those of the map {self.map} were changed")
+        return LogLine(
+            Level.INFO,
+            "zones",
+            Sentence("zones.changed", "those of the map {map} were changed", map=self.map),
+        )

@@ -3,7 +3,8 @@
 from enum import StrEnum
 from typing import ClassVar
 
-from chefbotd.core.record import Level, LogLine, Record
+from chefbotd.core.record import Level, LogLine, Record, because
+from chefbotd.core.sentence import Sentence
 
 
 class LinkOpened(Record, frozen=True):
@@ -16,7 +17,7 @@ class LinkOpened(Record, frozen=True):
 
     def log_line(self) -> LogLine:
         """The line in the log."""
-        return LogLine(Level.INFO, "link", f"open: {self.device}")
+        return LogLine(Level.INFO, "link", Sentence("log.port_open", "open: {device}", device=self.device))
 
 
 class LinkNotOpened(Record, frozen=True):
@@ -28,7 +29,11 @@ class LinkNotOpened(Record, frozen=True):
 
     def log_line(self) -> LogLine:
         """The line in the log."""
-        return LogLine(Level.WARNING, "link", f"cannot be opened: {self.reason}")
+        return LogLine(
+            Level.WARNING,
+            "link",
+            Sentence("log.port_not_opened", "cannot be opened: {reason}", reason=self.reason),
+        )
 
 
 class LinkClosed(Record, frozen=True):
@@ -40,7 +45,9 @@ class LinkClosed(Record, frozen=True):
 
     def log_line(self) -> LogLine:
         """The line in the log."""
-        return LogLine(Level.WARNING, "link", f"closed: {self.reason}")
+        return LogLine(
+            Level.WARNING, "link", Sentence("log.port_closed", "closed: {reason}", reason=self.reason)
+        )
 
 
 class LinkHealthChanged(Record, frozen=True):
@@ -55,8 +62,10 @@ class LinkHealthChanged(Record, frozen=True):
     def log_line(self) -> LogLine:
         """The line in the log."""
         if self.healthy:
-            return LogLine(Level.INFO, "link", f"{self.device} is healthy")
-        return LogLine(Level.WARNING, "link", f"{self.condition}: {self.reason}")
+            return LogLine(
+                Level.INFO, "link", Sentence("log.link_healthy", "{device} is healthy", device=self.device)
+            )
+        return LogLine(Level.WARNING, "link", because(self.condition, self.reason))
 
 
 class BoardRestarted(Record, frozen=True):
@@ -67,7 +76,11 @@ class BoardRestarted(Record, frozen=True):
 
     def log_line(self) -> LogLine:
         """The line in the log."""
-        return LogLine(Level.WARNING, "board", f"has restarted: {self.cause}")
+        return LogLine(
+            Level.WARNING,
+            "board",
+            Sentence("log.board_restarted", "has restarted: {cause}", cause=self.cause),
+        )
 
 
 class BoardResetProgressed(Record, frozen=True):
@@ -79,7 +92,11 @@ class BoardResetProgressed(Record, frozen=True):
 
     def log_line(self) -> LogLine:
         """The line in the log."""
-        return LogLine(Level.INFO, "board", f"reset {self.stage}: {self.reason}")
+        return LogLine(
+            Level.INFO,
+            "board",
+            Sentence("log.reset", "reset {stage}: {reason}", stage=self.stage, reason=self.reason),
+        )
 
 
 class FirmwareReported(Record, frozen=True):

@@ -7,6 +7,7 @@ from msgspec import Meta
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Level, LogLine, Record
 from chefbotd.core.scan import LaserScan
+from chefbotd.core.sentence import Sentence
 
 
 class ScanMeasured(Record, frozen=True):
@@ -60,5 +61,7 @@ class DepthCameraChanged(Record, frozen=True):
     def log_line(self) -> LogLine:
         """The line in the log."""
         return LogLine(
-            Level.INFO if self.healthy else Level.WARNING, self.camera, self.reason or "sends images"
+            Level.INFO if self.healthy else Level.WARNING,
+            self.camera,
+            self.reason or Sentence("log.sends_images", "sends images"),
         )

@@ -7,7 +7,8 @@ from typing import Annotated, ClassVar
 from msgspec import Meta
 
 from chefbotd.core.geometry import Pose2D, PoseCovariance, Twist2D
-from chefbotd.core.record import Level, LogLine, Record, state_line
+from chefbotd.core.record import Level, LogLine, Record, because, state_line
+from chefbotd.core.sentence import Sentence
 
 
 class WheelsMeasured(Record, frozen=True):
@@ -104,8 +105,17 @@ class OdometryConditionChanged(OdometryConditionData, frozen=True, kw_only=True)
         """The line in the log."""
         usual = self.anomaly is MotionAnomaly.NONE and self.imu in (ImuTrust.OK, ImuTrust.UNUSED)
         level = Level.INFO if usual else Level.WARNING
-        text = f"imu: {self.imu}; anomaly: {self.anomaly}"
-        return LogLine(level, "odometry", f"{text}; {self.reason}" if self.reason else text)
+        states = {"imu": str(self.imu), "anomaly": str(self.anomaly)}
+        if self.reason:
+            text = Sentence(
+                "log.odometry_because",
+                "imu: {imu}; anomaly: {anomaly}; {reason}",
+                **states,
+                reason=self.reason,
+            )
+        else:
+            text = Sentence("log.odometry", "imu: {imu}; anomaly: {anomaly}", **states)
+        return LogLine(level, "odometry", text)
 
 
 class OdometryReset(Record, frozen=True):
@@ -206,11 +216,12 @@ class SafetyChanged(Record, frozen=True):
 
     def log_line(self) -> LogLine:
         """The line in the log."""
-        text = f"{self.mode}: {self.reason}" if self.reason else self.mode
+        text = because(self.mode, self.reason) if self.reason else self.mode
         if self.limited_by:
-            text += f" (limited by {self.limited_by})"
+            text = Sentence("log.limited", "{text} (limited by {by})", text=text, by=self.limited_by)
         if self.fault is not None:
-            return LogLine(Level.ERROR, "safety", f"{text} [{self.fault}]")
+            text = Sentence("log.fault", "{text} [{fault}]", text=text, fault=self.fault)
+            return LogLine(Level.ERROR, "safety", text)
         return LogLine(Level.INFO, "safety", text)
 
 
@@ -226,7 +237,9 @@ class DriveWarned(Record, frozen=True):
         """The line in the log."""
         if self.reason:
             return LogLine(Level.WARNING, "drive", self.reason)
-        return LogLine(Level.INFO, "drive", "the wheels follow their commands again")
+        return LogLine(
+            Level.INFO, "drive", Sentence("log.follows_again", "the wheels follow their commands again")
+        )
 
 
 class ClientDisconnected(Record, frozen=True):
@@ -328,7 +341,16 @@ class EventsDropped(Record, frozen=True):
 
     def log_line(self) -> LogLine:
         """The line in the log."""
-        return LogLine(Level.ERROR, "recording", f"{self.count} events are missing: {self.reason}")
+        return LogLine(
+            Level.ERROR,
+            "recording",
+            Sentence(
+                "log.events_missing",
+                "{count} events are missing: {reason}",
+                count=self.count,
+                reason=self.reason,
+            ),
+        )
 
 
 class MapPoseUpdated(Record, frozen=True):

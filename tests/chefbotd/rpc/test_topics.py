@@ -214,4 +214,6 @@ def test_the_log_has_the_newest_fifty_lines_and_what_a_source_repeats_once() -> 
         (float(number), f"text {number}") for number in range(10, 60)
     ]
     (first,) = data_of("log", opened, opened)["lines"]
-    assert first == {"level": "info", "source": "link", "text": "open: /dev/ttyACM0", "stamp_s": 0.5}
+    said = {"text": {"id": "log.port_open", "arguments": {"device": "/dev/ttyACM0"}}}
+    line = {"level": "info", "source": "link", "text": "open: /dev/ttyACM0", "stamp_s": 0.5}
+    assert first == line | {"said": said}

@@ -6,7 +6,13 @@ from typing import Any, ClassVar
 
 import pytest
 
+from chefbotd.core.events.robot import SafetyChanged
+from chefbotd.core.sentence import Sentence
+from chefbotd.driving.models import SafetyState, safety_data
+from chefbotd.rpc.encoding import plain
+from chefbotd.safety.wheels import WheelWatchParameters, WheelWatchState, note_jump
 from tests.scenarios.page.browser import NEEDS_BROWSER, FakeDaemon, mode_is, sync_api
+from tests.sentences import as_template, patterns
 
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, NEEDS_BROWSER]
 
@@ -207,10 +213,19 @@ def with_pseudo_language(page: Any) -> None:
 
     def translate(route: Any) -> None:
         english = json.loads(route.fetch(url=route.request.url.replace("qps", "en")).text())
+        english |= {f"refusal.{key}": as_template(pattern) for key, pattern in patterns()}
         route.fulfill(json={key: pseudo(words) for key, words in english.items()})
 
     page.route("**/english.js", add)
     page.route("**/languages/qps.json", translate)
+
+
+def untranslated(page: Any, where: str) -> str:
+    """What of the text of an element is plain English: without accents in the pseudo-language, but for the names."""
+    text: str = page.locator(where).inner_text()
+    for name in sorted(NAMES, key=len, reverse=True):
+        text = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", "", text)
+    return " ".join(word for word in re.findall(r"[^\s\[\]()·⁨⁩]+", text) if re.search("[aeiou]", word))
 
 
 def panels(page: Any) -> list[str]:
@@ -296,3 +311,32 @@ def test_a_stop_waits_for_no_language(page: Any, served: str) -> None:
     sync_api.expect(page.locator("#estop")).to_have_text("EMERGENCY STOP Esc")
     page.locator("#estop").click()
     assert daemon.was_asked("estop")
+
+
+def stopped(reason: str, fault: str | None = None, mode: str = "disarmed") -> dict[str, Any]:
+    """The data of the topic ``safety`` of a robot that is stopped for this reason."""
+    data: dict[str, Any] = plain(safety_data(SafetyState(SafetyChanged(1.0, mode, reason, None, fault))))
+    return data
+
+
+def jumping_wheels() -> str:
+    """The reason for the fault of two wheels whose encoders jump."""
+    names = ("left_wheel", "right_wheel")
+    _, fault = note_jump(WheelWatchParameters(jumps=1), names, WheelWatchState((), (0.0, 0.0)), (0, 1))
+    assert fault is not None
+    return fault.reason
+
+
+def test_why_the_robot_is_stopped_is_said_in_the_readers_language(page: Any, served: str) -> None:
+    """With all that the reason names; a client's own words stay as they are."""
+    with_pseudo_language(page)
+    daemon = opened(page, served, "qps")
+    reason = page.locator("#mode-reason")
+    daemon.say("safety", **stopped(jumping_wheels(), "encoder_jumps"))
+    sync_api.expect(reason).to_contain_text("[thé [léft·] whéél····] àñd")
+    assert untranslated(page, "#mode-reason") == ""
+    asked = Sentence("driving.asked", "asked by a client")
+    daemon.say("safety", **stopped(asked, mode="estopped"))
+    sync_api.expect(reason).to_contain_text("[àškéd bý à çlïéñt")
+    daemon.say("safety", **stopped("fire in the kitchen", mode="estopped"))
+    sync_api.expect(reason).to_contain_text("fire in the kitchen")

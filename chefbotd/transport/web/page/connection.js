@@ -1,5 +1,7 @@
 // The WebSocket: requests with answers, topics, reconnecting, and the notice when the network stalls.
 
+import { read } from "./words.js";
+
 const PING_MS = 500;
 const STALLED_MS = 1500;
 const GIVEN_UP_MS = 6000;
@@ -47,7 +49,7 @@ export class Connection extends EventTarget {
     const socket = new WebSocket(this.url);
     this.#socket = socket;
     socket.onopen = () => { this.#heard = performance.now(); };
-    socket.onmessage = (event) => this.#take(JSON.parse(event.data));
+    socket.onmessage = (event) => this.#take(read(event.data));
     socket.onclose = () => { if (socket === this.#socket) this.#lost(true); };
   }
 

@@ -3,7 +3,7 @@
 
 import { $, element } from "./dom.js";
 import { knows, ready, t } from "./language.js";
-import { limit, mode, plain, sentence } from "./words.js";
+import { limit, mode, plain, sentence, told } from "./words.js";
 
 const MOST_LINES = 50; // of a kind: many of one do not push out those of another
 
@@ -60,10 +60,10 @@ export class Lately {
   }
 
   // What is said again between the same states is one line, of the last time, with how often it was said.
-  #take({ source, text, level }, at_ms) {
-    const [state, ...reason] = text.split(": ");
+  #take({ source, text, level, said }, at_ms) {
+    const [state, reason] = parts(text, said?.text);
     const known = this.#sources.get(source);
-    const words = known ? known.words(state, reason.join(": ")) : `${nameOf(source)}: ${plain(text)}`;
+    const words = known ? known.words(state, reason) : `${nameOf(source)}: ${plain(text)}`;
     if (known && this.#states.get(source) === words) return; // what is new in it is not in the words
     this.#states.set(source, words);
     const isRepeated = known?.repeated?.includes(state) ?? false;
@@ -90,6 +90,19 @@ export class Lately {
     if (alike.length > MOST_LINES) alike[alike.length - 1].remove();
     return line;
   }
+}
+
+// A line's state and the reason for it; where that is a sentence with an id, the line is one of both.
+function parts(text, sentence) {
+  const { id, arguments: args } = sentence ?? {};
+  if (id === "log.state") return [args.state, told(args.reason)];
+  if (id === "log.fault") return parts(args.text.message ?? args.text, args.text); // its name is for programs
+  if (id === "log.limited") {
+    const [state, reason] = parts(args.text.message ?? args.text, args.text);
+    return [state, `${reason} (limited by ${args.by})`];
+  }
+  const [state, ...reason] = text.split(": ");
+  return [state, reason.join(": ")];
 }
 
 function isOfKind(line) {

@@ -24,9 +24,26 @@ export const sentence = (words) => (words ? words[0].toUpperCase() + words.slice
 // With the sign that ends a sentence, if it has none yet.
 export const full = (words) => (words && !/[.?!]$/.test(words.trim()) ? `${words.trim()}.` : words.trim());
 
+// A message of the daemon. Of a text that has an id (`said`) whoever reads it gets the words of the reader's language.
+export function read(text) {
+  const message = JSON.parse(text);
+  if (text.includes('"said":')) sayInWords(message);
+  return message;
+}
+
+function sayInWords(value) {
+  if (value === null || typeof value !== "object") return;
+  for (const item of Object.values(value)) sayInWords(item);
+  for (const [name, sentence] of Object.entries(value.said ?? {})) {
+    const words = { ...sentence, message: value[name] };
+    Object.defineProperty(value, name, { enumerable: true, get: () => told(words) }); // the language may come later
+  }
+}
+
 // A sentence of the daemon: of pages only "this page" and "another page", and wheels without underscores.
 export function plain(reason) {
   return (reason ?? "")
+    .replace(/^by (page #[a-z0-9]+)$/, (_, page) => t("page.by", { page }))
     .replace(/\bpage #([a-z0-9]+)( \([^)]*\))?/g, (_, name) => (t(`page #${name}` === me ? "page.this" : "page.another")))
     .replace(/\b[a-z]+(?:_[a-z]+)*_wheel\b/g, (wheel) => t("wheel.the", { name: wheelName(wheel) }));
 }
@@ -53,7 +70,7 @@ export function refusal(error) {
 }
 
 // A sentence of the daemon by its id, where the language has it, else its English words. An argument may be a sentence, too.
-function told({ id, arguments: args = {}, message }) {
+export function told({ id, arguments: args = {}, message }) {
   if (!isTranslated(`refusal.${id}`)) return plain(message);
   return t(`refusal.${id}`, Object.fromEntries(Object.entries(args).map(([name, value]) => [name, argument(value)])));
 }

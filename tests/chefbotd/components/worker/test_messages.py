@@ -2,6 +2,7 @@
 
 import contextlib
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -29,12 +30,16 @@ from chefbotd.components.worker.messages import (
     event_in,
     frame_message,
     make_measured,
+    pack_body,
+    unpack_body,
 )
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured, RangeStatus
 from chefbotd.core.geometry import CERTAIN, Pose2D, Twist2D
+from chefbotd.core.record import Record
 from chefbotd.core.scan import LaserScan
+from chefbotd.core.sentence import Sentence, sentence_data
 
 TO = [
     Configure({"mapping": b"{}"}),
@@ -133,3 +138,23 @@ def test_a_message_that_is_too_long_is_not_sent() -> None:
     """The sender hears of it, with both sizes, instead of the receiver."""
     with pytest.raises(ValueError, match=str(MOST_BYTES)):
         frame_message(SkillEvent("mapping", bytes(MOST_BYTES)))
+
+
+class Said(Record, frozen=True):
+    """What a skill tells."""
+
+    reason: str
+    parts: tuple["Said", ...] = ()
+    image: bytes = b""
+
+
+def test_a_sentence_crosses_the_pipe_with_its_id() -> None:
+    """Also one within a part of what is told; what has none is packed as it always was."""
+    decoder = msgspec.msgpack.Decoder(Said)
+    far = Sentence("trip.far", "{place} is far away", place="bar")
+    told = Said("off", (Said(far, (), b"\xff"), Said("on")), b"\x00")
+    arrived = unpack_body(decoder, pack_body(told))
+    assert arrived == told
+    assert sentence_data(arrived.parts[0].reason) == {"id": "trip.far", "arguments": {"place": "bar"}}
+    assert pack_body(Said("off")) == msgspec.msgpack.encode(Said("off"))
+    assert decoder.decode(pack_body(told)) == told

@@ -1,6 +1,5 @@
 """The catalogues of the page and of our cards: complete in each language, and each sentence is one that is said."""
 
-import ast
 import json
 import re
 from collections.abc import Iterator
@@ -12,6 +11,7 @@ import pytest
 from chefbotd.component_list import own_components
 from chefbotd.composition.network import cards_of
 from chefbotd.transport.web import server
+from tests.sentences import patterns
 
 PAGE = Path(server.__file__).parent / "page"
 FOLDERS = [PAGE] + [
@@ -100,12 +100,7 @@ def test_each_sentence_that_is_said_is_in_the_catalogue_and_each_of_it_is_said(f
 @pytest.mark.parametrize("language", sorted(PLURALS.keys() - {"en"}))
 def test_a_refusal_of_the_daemon_says_the_same_in_each_language(language: str) -> None:
     """With the arguments of its English sentence; each language has the same ones of them."""
-    english: dict[str, set[str]] = {}
-    for path in PAGE.parents[2].rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Sentence":
-                pattern = ast.literal_eval(node.args[1])
-                english[ast.literal_eval(node.args[0])] = set(re.findall(r"\{(\w+)", pattern))
+    english = {key: set(re.findall(r"\{(\w+)", pattern)) for key, pattern in patterns()}
     told: dict[str, dict[str, str | dict[str, str]]] = {"de": {}, language: {}}
     for other, words in told.items():
         for folder in FOLDERS:

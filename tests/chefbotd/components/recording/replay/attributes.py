@@ -50,6 +50,11 @@ def attributes(parts: Mapping[str, object]) -> dict[str, Any]:
     return dict(_values(parts, "", set()))
 
 
+def _shown(value: object) -> str:
+    """A sentence as its words, which is what a state has of it."""
+    return str(value) if isinstance(value, str) else repr(value)
+
+
 def _values(value: Any, path: str, seen: set[int]) -> Iterator[tuple[str, Any]]:
     if isinstance(value, InputTimer):
         yield path, round(value.due_s, 6) if value.waits else None
@@ -62,7 +67,7 @@ def _values(value: Any, path: str, seen: set[int]) -> Iterator[tuple[str, Any]]:
     elif isinstance(value, Enum | str | bytes | bytearray):
         yield path, value
     elif _is_frozen(value):
-        yield path, msgspec.to_builtins(value, enc_hook=repr)
+        yield path, msgspec.to_builtins(value, enc_hook=_shown)
     elif isinstance(value, Mapping):
         yield path, [_key(key) for key in value]
         for key, each in value.items():
