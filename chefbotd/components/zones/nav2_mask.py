@@ -20,6 +20,7 @@ from chefbotd.core.record import Record
 KEPT_OUT: Final = 100.0
 LEAST_TURN_RAD: Final = 1e-6
 FASTEST_M_S: Final = 10.0
+MOST_RUNS: Final = 100_000
 MOST_CORNERS: Final = 120
 """Of an area, so that it fits into a request."""
 
@@ -68,11 +69,21 @@ def read_mask(path: Path, kind: str, info: FilterInfo) -> MaskZones:
         layers, notes = _speeds(percent, info, path.name), ()
     zones: list[dict[str, Any]] = []
     for cells, speed_m_s in layers:
+        _require_coherent(cells, path.name)
         for outline in trace_areas(cells, MOST_CORNERS):
             points = outline * grid.resolution_m + np.array([origin.x_m, origin.y_m])
             zones.append(_zone(points, speed_m_s, f"{path.stem} {len(zones) + 1}"))
     _require_some(zones, path.name)
     return MaskZones(tuple(zones), (*read.notes, *notes))
+
+
+def _require_coherent(cells: NDArray[np.bool_], name: str) -> None:
+    """Refuse what would be traced for minutes, and be too many areas then: a mask of noise."""
+    runs = int(np.count_nonzero(cells[:, 0]) + np.count_nonzero(cells[:, 1:] & ~cells[:, :-1]))
+    if runs > MOST_RUNS:
+        raise MaskError(
+            f"{name}: its cells lie in {runs} pieces of rows, at most {MOST_RUNS} can be drawn: remove its specks"
+        )
 
 
 def _speeds(

@@ -168,7 +168,9 @@ def parse_image(data: bytes, description: MapDescription) -> OccupancyGrid:
                     f"{description.image}: {image.width} by {image.height} pixels are too many"
                 )
             shade, opaque = _shades(image, average_alpha=description.mode is ImageMode.TRINARY)
-    except (UnidentifiedImageError, OSError, Image.DecompressionBombError) as error:
+    except MapFileError:
+        raise
+    except (UnidentifiedImageError, OSError, ValueError, Image.DecompressionBombError) as error:
         raise MapFileError(f"{description.image}: cannot be read as an image: {error}") from error
     percent = np.flipud(_percent(shade, opaque, description))
     x_m, y_m, yaw_rad = description.origin

@@ -13,6 +13,7 @@ from chefbotd.cli.common.exits import Exit
 from chefbotd.client import CallError
 from chefbotd.components.maps.algorithms.map_server import ImageMode, to_description, to_image
 from chefbotd.components.maps.storage.contents import save
+from chefbotd.components.maps.storage.disk import MapStoreError
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.components.navigation.algorithms.grid import GridFrame
 from chefbotd.components.navigation.algorithms.zones import keep_out_cells, speed_limits_m_s
@@ -120,6 +121,26 @@ def test_a_mask_of_specks_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "specks.yaml"
     write_mask(path, (np.indices((50, 50)).sum(axis=0) % 2 * 100).astype(np.int8))
     with pytest.raises(MaskError, match="1250 areas with 5000 corners; at most 200 with 5000 can be drawn"):
+        read_mask(path, "keepout", FilterInfo())
+
+
+def test_a_mask_of_noise_is_refused_before_it_is_traced(tmp_path: Path) -> None:
+    """A chessboard of 500 by 500 cells has 125,000 pieces; tracing 16 million cells of noise took minutes."""
+    path = tmp_path / "noise.yaml"
+    write_mask(path, (np.indices((500, 500)).sum(axis=0) % 2 * 100).astype(np.int8))
+    with pytest.raises(MaskError, match="its cells lie in 125000 pieces of rows"):
+        read_mask(path, "keepout", FilterInfo())
+
+
+@pytest.mark.parametrize(
+    "head", [b"P5\nNaN 10\n255\n", b"P5\n10 10\n0\n", b"P5\n10 10\n70000\n", b"P5\n10 10\n"]
+)
+def test_an_image_with_an_odd_head_is_refused_by_its_name(tmp_path: Path, head: bytes) -> None:
+    """Its size is no number, or its brightest grey none that there is."""
+    path = tmp_path / "mask.yaml"
+    write_mask(path, np.full((10, 10), 100, np.int8))
+    path.with_suffix(".pgm").write_bytes(head + bytes(100))
+    with pytest.raises(MapStoreError, match=r"mask\.pgm: cannot be read as an image"):
         read_mask(path, "keepout", FilterInfo())
 
 
