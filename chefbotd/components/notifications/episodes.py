@@ -19,7 +19,7 @@ LOW_S: Final = 5.0
 """How much longer the battery is low than not before it is told: the motors pull it down for a moment."""
 
 CALM_S: Final = 60.0
-"""How much longer it is well than low before it is told again."""
+"""How much longer it is well than low before it is told again; and for how long a fault or a warning is gone."""
 
 
 class Notice(Record, frozen=True):
@@ -32,16 +32,24 @@ class Notice(Record, frozen=True):
 
 
 class FaultEpisodes:
-    """Tells each fault once. One that was there at the start is the end of an earlier daemon, and is not told."""
+    """Tells each fault once until it was gone for a minute: a cable that hangs loose is lost and found by the second.
+
+    One that was there at the start is the end of an earlier daemon, and is not told.
+    """
 
     def __init__(self) -> None:
         self._last: tuple[str | None, int] | None = None
+        self._seen_s: dict[str, float] = {}
 
     def take_safety(self, event: SafetyChanged) -> Notice | None:
         """What the gate's change is worth."""
         state, last = (event.fault, event.latch), self._last
         self._last = state
+        if last is not None and last[0] is not None:
+            self._seen_s[last[0]] = event.stamp_s
         if event.fault is None or last is None or state == last:
+            return None
+        if event.stamp_s - self._seen_s.get(event.fault, float("-inf")) < CALM_S:
             return None
         return Notice(
             NoticeKind.FAULT,
@@ -136,15 +144,18 @@ class GoalEpisodes:
 
 
 class WheelEpisodes:
-    """Tells once that wheels do not follow their commands, until they do."""
+    """Tells once that wheels do not follow their commands, until they have followed for a minute."""
 
     def __init__(self) -> None:
         self._is_warned = False
+        self._warned_s = float("-inf")
 
     def take_warning(self, event: DriveWarned) -> Notice | None:
         """What the warning is worth."""
         was_warned, self._is_warned = self._is_warned, bool(event.reason)
-        if not event.reason or was_warned:
+        if was_warned:
+            self._warned_s = event.stamp_s
+        if not event.reason or was_warned or event.stamp_s - self._warned_s < CALM_S:
             return None
         text = f"Its wheels do not follow their commands: {event.reason}"
         return Notice(NoticeKind.STUCK, "Wheels do not follow", text, event.stamp_s)

@@ -15,10 +15,10 @@ from chefbotd.core.events import BatteryLevelStatus, BatteryMeasured, DriveWarne
 STALLED = "the left wheel stands"
 
 
-def gate(fault: str | None, latch: int) -> SafetyChanged:
+def gate(fault: str | None, latch: int, stamp_s: float = 1.0) -> SafetyChanged:
     """The gate, with a fault or without."""
     return SafetyChanged(
-        1.0, "estop" if fault else "armed", STALLED if fault else "", None, fault, latch=latch
+        stamp_s, "estop" if fault else "armed", STALLED if fault else "", None, fault, latch=latch
     )
 
 
@@ -40,13 +40,31 @@ def navigation(
 
 
 def test_a_fault_is_told_once_however_often_the_gate_changes():
-    """Twice the same latch is one message; the same fault latched anew is another."""
+    """Twice the same latch is one message; the same fault latched anew after a minute is another."""
     faults = FaultEpisodes()
     states = [gate(None, 0), gate("wheel_stalled", 1), gate("wheel_stalled", 1), gate(None, 1)]
-    notices = [faults.take_safety(state) for state in [*states, gate("wheel_stalled", 2)]]
+    notices = [faults.take_safety(state) for state in [*states, gate("wheel_stalled", 2, 61.0)]]
     assert [notice is not None for notice in notices] == [False, True, False, False, True]
     assert notices[1] is not None
     assert notices[1].text == "It has stopped for a fault: the left wheel stands [wheel_stalled]"
+
+
+def test_a_cable_that_hangs_loose_is_one_message_until_it_has_held_for_a_minute():
+    """Lost every 4 s for an hour, and found 2 s later; another fault is told, and the loss once more at the end."""
+    faults = FaultEpisodes()
+    faults.take_safety(gate(None, 0, 0.0))
+    told = [
+        notice
+        for number in range(900)
+        for state in (gate("link_lost", number + 1, 4.0 * number), gate(None, number + 1, 4.0 * number + 2.0))
+        if (notice := faults.take_safety(state)) is not None
+    ]
+    assert len(told) == 1
+    assert faults.take_safety(gate("wheel_stalled", 901, 3600.0)) is not None
+    faults.take_safety(gate(None, 901, 3610.0))
+    assert faults.take_safety(gate("link_lost", 902, 3657.0)) is None
+    faults.take_safety(gate(None, 902, 3658.0))
+    assert faults.take_safety(gate("link_lost", 903, 3718.5)) is not None
 
 
 def test_a_fault_that_an_earlier_daemon_left_is_not_told_again():
@@ -150,8 +168,9 @@ def test_a_robot_that_is_not_under_way_is_not_stuck(state: str):
 
 
 def test_wheels_that_do_not_follow_are_told_once_until_they_do():
-    """The reason may change meanwhile."""
+    """The reason may change meanwhile, and they may follow for less than a minute."""
     wheels = WheelEpisodes()
-    reasons = ["the left wheel lags", "both wheels lag", "", "the left wheel lags"]
-    notices = [wheels.take_warning(DriveWarned(1.0, reason)) for reason in reasons]
-    assert [notice is not None for notice in notices] == [True, False, False, True]
+    lags = "the left wheel lags"
+    warnings = [(1.0, lags), (2.0, "both wheels lag"), (3.0, ""), (62.0, lags), (63.0, ""), (124.0, lags)]
+    notices = [wheels.take_warning(DriveWarned(stamp_s, reason)) for stamp_s, reason in warnings]
+    assert [notice is not None for notice in notices] == [True, False, False, False, False, True]
