@@ -75,7 +75,7 @@ class DrawnFile:
                 raise self._changed_meanwhile()
             return new
 
-        if self._before is not None and keeps_before:
+        if self._before is not None and keeps_before and new != content:
             await self._maps.change_beside(name, self._before, kept)
         await self._maps.change_beside(name, self._file, replaced)
 

@@ -69,7 +69,9 @@ class ZonesService:
         before = await self._maps.read_beside(name, ZONES_BEFORE)
         zones = await self._parse(content, name)
         rows = tuple(zone_data(own, zone) for own, zone in zones.named())
-        return ZoneList(map=name, revision=revision_of(content), zones=rows, can_undo=before is not None)
+        return ZoneList(
+            map=name, revision=revision_of(content), zones=rows, can_undo=before not in (None, content)
+        )
 
     @method(role=Role.DRIVE, moves=False)
     async def save_zone(
@@ -137,7 +139,7 @@ class ZonesService:
         content = await self._file.read(name)
         self._file.require_revision(content, params.revision)
         before = await self._maps.read_beside(name, ZONES_BEFORE)
-        if before is None:
+        if before in (None, content):  # the latter where a change was cut off, or changed nothing
             raise MapStoreError(
                 RefusalKind.NOTHING_TO_UNDO,
                 Sentence(

@@ -18,6 +18,7 @@ from chefbotd.components.zones import service as service_module
 from chefbotd.components.zones.models import (
     MOST_POINTS,
     AddZonesParams,
+    ChangeZonesParams,
     SaveZoneParams,
     ZoneId,
     ZoneShape,
@@ -170,5 +171,46 @@ def test_zones_are_not_made_longer_than_can_be_read_again() -> None:
         await zones.delete_zone(cast(Any, None), ZoneId(id=listed.zones[0].id), cast(Any, None))
         after = await zones.list_zones(cast(Any, None), OfMapParams(), cast(Any, None))
         assert len(after.zones) == len(listed.zones) - 1
+
+    run_virtual(scenario())
+
+
+def test_a_change_that_the_disk_did_not_take_is_none_that_could_be_undone() -> None:
+    """The disk is full when the zones are written, and their state before it has been: undo would do nothing."""
+
+    class FullMaps(MapsInMemory):
+        async def change_beside(
+            self, of_map: str, file: str, change: Callable[[bytes | None], bytes]
+        ) -> None:
+            if file == ZONES:
+                raise MapStoreError(RefusalKind.STORAGE_FAILED, "no space left on the device")
+            await super().change_beside(of_map, file, change)
+
+    async def scenario() -> None:
+        maps = FullMaps()
+        maps.files = {ZONES: b"keep_out: []\n"}
+        zones = service(maps)
+        with pytest.raises(MapStoreError, match="no space left"):
+            await zones.save_zone(cast(Any, None), PARAMS, cast(Any, None))
+        assert not (await zones.list_zones(cast(Any, None), OfMapParams(), cast(Any, None))).can_undo
+        with pytest.raises(MapStoreError) as refused:
+            await zones.undo_zones(cast(Any, None), ChangeZonesParams(), cast(Any, None))
+        assert refused.value.kind is RefusalKind.NOTHING_TO_UNDO
+
+    run_virtual(scenario())
+
+
+def test_a_zone_that_is_saved_as_it_was_leaves_the_last_change_to_be_undone() -> None:
+    """Nothing was changed by it, so what undo brings back is what was before the last change."""
+
+    async def scenario() -> None:
+        maps = MapsInMemory()
+        zones = service(maps)
+        saved = await zones.save_zone(cast(Any, None), PARAMS, cast(Any, None))
+        assert saved.zone is not None
+        again = PARAMS.model_copy(update={"id": saved.zone.id})
+        assert (await zones.save_zone(cast(Any, None), again, cast(Any, None))).revision == saved.revision
+        await zones.undo_zones(cast(Any, None), ChangeZonesParams(), cast(Any, None))
+        assert (await zones.list_zones(cast(Any, None), OfMapParams(), cast(Any, None))).zones == ()
 
     run_virtual(scenario())
