@@ -6,6 +6,8 @@ first-order low-pass. While it is above a half, a reading that is not critical e
 """
 
 import math
+from collections.abc import Mapping
+from typing import Any, ClassVar, Final
 
 from pydantic import Field
 
@@ -15,16 +17,20 @@ from chefbotd.core.record import Record
 from chefbotd.core.sentence import Sentence
 from chefbotd.safety.faults import Fault, FaultKind
 
+FILTER_S: Final = 1.0
+"""The time constant of the share of critical readings; assumed."""
+
 
 class BatteryMonitorParameters(Parameters):
     """A battery that is critical for ``critical_s`` is a fault; the sag of a starting motor is none.
 
-    It has recovered once it was not critical for most of the last ``filter_s`` (a time constant). Below
+    It has recovered once it was not critical for most of the last second. Below
     ``absent_below_v`` no battery is connected to the ADC: the board runs, so it has another supply.
     """
 
+    retired: ClassVar[Mapping[str, Any]] = {"filter_s": FILTER_S}
+
     critical_s: float = Field(default=5.0, gt=0, le=600)
-    filter_s: float = Field(default=1.0, gt=0, le=60)
     absent_below_v: float = Field(default=3.0, ge=0, le=100)
 
 
@@ -32,7 +38,7 @@ RECOVERED_SHARE = 0.5
 """Below this share of critical time a reading that is not critical ends the wait."""
 
 MOST_WEIGHT = 1 / 8
-"""A reading stands for so much of ``filter_s`` at most: one of a board that reads once a second counts as any other."""
+"""A reading stands for so much of ``FILTER_S`` at most: one of a board that reads once a second counts as any other."""
 
 SLOWEST_S = 3.5
 """A board that waits for echoes reads the battery once a second, and may lose a line or two; later nothing is known."""
@@ -67,8 +73,8 @@ def judge(
         return CHARGED, None
     passed_s = max(0.0, now_s - state.stamp_s)
     if passed_s <= SLOWEST_S:
-        passed_s = min(passed_s, params.filter_s * MOST_WEIGHT)
-    kept = math.exp(-passed_s / params.filter_s)
+        passed_s = min(passed_s, FILTER_S * MOST_WEIGHT)
+    kept = math.exp(-passed_s / FILTER_S)
     share = kept * state.share + (1 - kept) * state.was_critical
     since_s = state.since_s
     if share < RECOVERED_SHARE and not (critical and state.was_critical):

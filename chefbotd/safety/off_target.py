@@ -8,6 +8,8 @@ Speeds are means over the last seconds (a first-order low-pass), of readings ove
 """
 
 import math
+from collections.abc import Mapping
+from typing import Any, ClassVar, Final
 
 from pydantic import Field
 
@@ -15,17 +17,26 @@ from chefbotd.core.parameters import Parameters
 from chefbotd.core.record import Record
 from chefbotd.core.sentence import Sentence, join_words
 
+MIN_SPEED_M_S: Final = 0.04
+"""A rim that is asked for less is not judged: the edges of a slow encoder tell too little of its speed; assumed."""
+
+DURATION_S: Final = 2.0
+"""A rim is off its target when it has been off for so long: a start or a bump is over by then; assumed."""
+
+FILTER_S: Final = 1.0
+"""The time constant of the mean speeds; assumed."""
+
 
 class OffTargetParameters(Parameters):
-    """A rim that is asked for ``least_m_s`` or more, and is off by ``share`` of it for ``lasts_s``, is off its target.
+    """A rim that differs for seconds from the speed that it is asked for, by ``share`` of it, is off its target."""
 
-    The means are over ``filter_s`` (a time constant).
-    """
+    retired: ClassVar[Mapping[str, Any]] = {
+        "least_m_s": MIN_SPEED_M_S,
+        "lasts_s": DURATION_S,
+        "filter_s": FILTER_S,
+    }
 
     share: float = Field(default=0.4, gt=0, le=10)
-    least_m_s: float = Field(default=0.04, gt=0, le=10)
-    lasts_s: float = Field(default=2.0, gt=0, le=60)
-    filter_s: float = Field(default=1.0, gt=0, le=60)
 
 
 FASTER_THAN_MOTOR = 1.3
@@ -67,7 +78,7 @@ def watch(
     """
     if not dt_s > 0 or (not any(asked_m_s) and not any(pace.lasted_s for pace in state)):
         return state
-    kept = math.exp(-dt_s / params.filter_s)
+    kept = math.exp(-dt_s / FILTER_S)
     wheels = zip(state, asked_m_s, effort, travel_m, strict=True)
     return tuple([_step(params, *wheel, dt_s, kept, free_m_s) for wheel in wheels])
 
@@ -85,14 +96,14 @@ def _step(
     measured_m_s = kept * pace.measured_m_s + (1 - kept) * travel_m / dt_s
     mean_m_s = kept * pace.asked_m_s + (1 - kept) * asked_m_s
     mean_effort = kept * pace.effort + (1 - kept) * effort
-    is_asked = abs(asked_m_s) >= params.least_m_s and abs(mean_m_s) >= params.least_m_s
+    is_asked = abs(asked_m_s) >= MIN_SPEED_M_S and abs(mean_m_s) >= MIN_SPEED_M_S
     is_off = is_asked and (
         abs(measured_m_s - mean_m_s) > params.share * abs(mean_m_s)
         or _outruns(measured_m_s, mean_effort, free_m_s)
         or _lags(measured_m_s, mean_effort, free_m_s)
     )
     lasted_s = pace.lasted_s + dt_s if is_off else max(0.0, pace.lasted_s - dt_s)
-    return Pace(measured_m_s, mean_m_s, mean_effort, min(lasted_s, 2 * params.lasts_s))
+    return Pace(measured_m_s, mean_m_s, mean_effort, min(lasted_s, 2 * DURATION_S))
 
 
 def sentence(
@@ -106,7 +117,7 @@ def sentence(
 
     ``free_m_s`` is the speed of a rim at full duty, ``counts_per_turn`` what is configured.
     """
-    off = [i for i, pace in enumerate(state) if pace.lasted_s >= params.lasts_s]
+    off = [i for i, pace in enumerate(state) if pace.lasted_s >= DURATION_S]
     if not off:
         return ""
     worst = max(off, key=lambda i: abs(state[i].measured_m_s - state[i].asked_m_s))
