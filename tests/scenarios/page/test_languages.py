@@ -228,6 +228,21 @@ def untranslated(page: Any, where: str) -> str:
     return " ".join(word for word in re.findall(r"[^\s\[\]()·⁨⁩]+", text) if re.search("[aeiou]", word))
 
 
+def test_wheels_are_named_in_the_language_also_where_its_words_come_late(page: Any, served: str) -> None:
+    """The daemon has long been heard when the words are there: the choice of a wheel has them all the same."""
+    with_pseudo_language(page)
+    late: list[Any] = []
+    page.route("**/languages/qps.json", lambda route: late.append(route))
+    page.add_init_script("localStorage.setItem('chefbotd-page-language', '\"qps\"')")
+    daemon = Furnished(page)
+    page.goto(served)
+    sync_api.expect(page.locator("#robot")).to_have_text("fake")
+    page.wait_for_timeout(500)  # an answer to whatever the page has asked is there
+    late[0].fulfill(json={"wheel.left": "[links]"})
+    sync_api.expect(page.locator("#gain-wheel option[value=left_wheel]")).to_have_text("[links]")
+    assert daemon.was_asked("get_pid")
+
+
 def panels(page: Any) -> list[str]:
     """The panels that have a tab, opened one after the other while this is iterated."""
     return [tab.get_attribute("id") for tab in page.locator("#rail > button:visible").all()]

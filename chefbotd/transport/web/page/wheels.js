@@ -3,7 +3,7 @@
 import { $, element } from "./dom.js";
 import { SHOWN_HZ } from "./connection.js";
 import { Plot } from "./plot.js";
-import { t } from "./language.js";
+import { ready, t } from "./language.js";
 import { wheelName } from "./words.js";
 
 const NAMES = ["kp", "ki", "kd"];
@@ -27,7 +27,7 @@ export class Wheels {
   begin(can) {
     $("wheels-part").hidden = !can.has("topic.wheels");
     $("gains").hidden = !can.has("method.set_pid");
-    if (can.has("method.get_pid")) this.#change("get_pid");
+    if (can.has("method.get_pid")) ready.then(() => this.#change("get_pid")); // names of wheels are written once
   }
 
   // Where nobody knows what the motors do, neither speed nor duty is shown.
