@@ -12,7 +12,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Final, TypeAlias
+from typing import Annotated, Any, Final, TypeAlias
 
 import yaml
 from pydantic import Field, ValidationError, model_validator
@@ -28,6 +28,9 @@ ZONES_BEFORE: Final = "zones-before.yaml"
 
 LARGEST_BYTES = 200_000
 """Of a file that clients make: it takes a second or two to read, and a longer one is not read at all at some point."""
+
+DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+"""That of libyaml, where PyYAML was built with it, takes an eighth of the time."""
 
 MOST_PROBLEMS = 5
 MOST_SHOWN = 100
@@ -140,7 +143,13 @@ def shorten_value(value: object) -> str:
 def write_zones(zones: Zones) -> bytes:
     """The file's content, which people can read and edit."""
     rows = zones.model_dump(mode="json", exclude_defaults=True)
-    text = yaml.safe_dump(rows, default_flow_style=None, sort_keys=False, allow_unicode=True, width=120)
+    options: dict[str, Any] = {
+        "default_flow_style": None,
+        "sort_keys": False,
+        "allow_unicode": True,
+        "width": 120,
+    }
+    text: str = yaml.dump(rows, Dumper=DUMPER, **options)
     return text.encode()
 
 
