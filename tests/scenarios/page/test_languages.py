@@ -206,6 +206,8 @@ def opened(page: Any, served: str, language: str) -> Furnished:
 
 def with_pseudo_language(page: Any) -> None:
     """Serve a language that is made of the English words."""
+    # Read before the page waits for its words, which it does for three seconds.
+    refusals = {f"refusal.{key}": as_template(pattern) for key, pattern in patterns()}
     languages = 'LANGUAGES.qps = { name: "[]", direction: "ltr", version: "1" };'
 
     def add(route: Any) -> None:
@@ -213,7 +215,7 @@ def with_pseudo_language(page: Any) -> None:
 
     def translate(route: Any) -> None:
         english = json.loads(route.fetch(url=route.request.url.replace("qps", "en")).text())
-        english |= {f"refusal.{key}": as_template(pattern) for key, pattern in patterns()}
+        english |= refusals
         route.fulfill(json={key: pseudo(words) for key, words in english.items()})
 
     page.route("**/english.js", add)
