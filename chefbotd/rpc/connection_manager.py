@@ -334,13 +334,17 @@ class ConnectionManager:
                 connection.end(late)
 
     def check_tokens(self, role_of_digest: Callable[[bytes], Role | None]) -> None:
-        """Apply exchanged tokens: each client gets its token's present role, or is disconnected."""
+        """Apply exchanged tokens: each client gets its token's present role, or is disconnected.
+
+        One that is disconnected may still stop the robot by what it has sent already: somebody pressed that.
+        """
         for connection in self._connections():
             session = connection.session
             if session.token_digest is None:
                 continue
-            session.role = role_of_digest(session.token_digest)
-            if session.role is None and not connection.closing:
+            role = role_of_digest(session.token_digest)
+            session.role = role or Role.OBSERVE
+            if role is None and not connection.closing:
                 connection.end(Failure(ErrorKind.WRONG_TOKEN, "this token is no longer valid"))
 
     def _connections(self) -> list[Connection]:
