@@ -42,7 +42,7 @@ class MapEditMethods(MethodCaller):
             "MapEditsSaved",
             "edit_map",
             kind=kind,
-            points_m=[list(point) for point in points_m],
+            points_m=[[round(float(value), 4) for value in point] for point in points_m],
             to=to,
             width_m=width_m,
             revision=revision,

@@ -40,13 +40,14 @@ class ZoneMethods(MethodCaller):
     ) -> models.ZonesSaved:
         """Draw a zone with these corners (x, y) in ``map``, or change that of this id.
 
+        Corners are sent to a tenth of a millimetre, so that 150 of them fit into a request.
         One that covers the robot or a place, or cuts a place off, is refused unless it is ``confirmed``. With the
         ``revision`` of the list it is refused if somebody else changed the zones meanwhile.
         """
         saved: models.ZonesSaved = await self._ask(
             "ZonesSaved",
             "save_zone",
-            points_m=[list(point) for point in points_m],
+            points_m=[[round(float(value), 4) for value in point] for point in points_m],
             id=id,
             kind=kind,
             name=name,

@@ -1,6 +1,7 @@
 """chefbotctl zones, against a daemon that keeps maps."""
 
 import json
+import math
 from pathlib import Path
 
 from chefbotd.cli.common.exits import Exit
@@ -48,3 +49,13 @@ def test_nonsense_is_refused_with_what_was_expected(mapctl: Control, folder: Pat
     unknown = mapctl("zones", "on", "nobody", *OF_ROOM)
     assert unknown.exit_code == Exit.REFUSED
     assert "no zone with the id 'nobody'; there are: none" in unknown.output + unknown.stderr
+
+
+def test_corners_that_were_computed_fit_into_a_request(mapctl: Control, folder: Path) -> None:
+    """150 corners with all digits of a number have 6 kB, and a request 4: they are sent to a tenth of a millimetre."""
+    save(MapStore(folder), "room", grid(1))
+    angles = [2 * math.pi * number / 150 for number in range(150)]
+    numbers = [repr(20 * value) for angle in angles for value in (math.cos(angle), math.sin(angle))]
+    assert len(" ".join(numbers)) > 5000
+    said = mapctl("zones", "add", "round", *numbers, *OF_ROOM)
+    assert said.exit_code == 0, said.stderr
