@@ -1,5 +1,6 @@
 """The map is the page: its panels, the sheet of a phone, its layers, and that nothing moves or covers a stop."""
 
+import math
 from collections.abc import Iterator
 from typing import Any, ClassVar
 
@@ -204,22 +205,53 @@ def test_the_sheet_is_dragged_and_a_stop_works_meanwhile(phone: Any, served: str
     sync_api.expect(dock).to_have_attribute("data-size", "closed")
 
 
+SCAN = {"lidar": "top", "x_m": 0.0, "y_m": 0.0, "yaw_rad": 0.0, "bearing_start_rad": 0.0}
+SEEN = {**SCAN, "bearing_step_rad": 0.01, "bearing_mrad": [], "range_mm": [1000] * 7}
+"""Some points a metre ahead."""
+
+
+def scan_is_drawn(page: Any, right: int, down: int) -> bool:
+    """Whether points of the lidar are drawn so many pixels from the middle of the view, or next to that."""
+    x, y = middle_of_view(page)
+    around = [(x + right + i, y + down + j) for i in (-2, -1, 0, 1, 2) for j in (-4, -2, 0, 2)]
+    return any(red - green > 120 for red, green, _ in (pixel(page, *point) for point in around))
+
+
+def test_what_a_lidar_saw_stays_where_it_was_while_the_robot_turns(page: Any, served: str) -> None:
+    """Seen at 2 s a metre ahead, and drawn there at 2.1 s, when the robot looks to the left by 90 degrees.
+
+    What was seen between two poses is drawn from halfway between them: at 45 degrees.
+    """
+    page.emulate_media(color_scheme="light")
+    daemon = opened(page, served, DESKTOP)
+
+    def stand(stamp_s: float, heading_rad: float) -> None:
+        place = {"x_m": 0.0, "y_m": 0.0, "heading_rad": heading_rad}
+        daemon.say("map_pose", stamp_s=stamp_s, **place, state="localized", map="flat")
+
+    stand(2.0, 0.0)
+    daemon.say("scan", stamp_s=2.0, **SEEN)
+    assert until(lambda: scan_is_drawn(page, 90, 0))
+    stand(2.1, math.pi / 2)
+    page.wait_for_timeout(300)
+    assert scan_is_drawn(page, 90, 0)
+    assert not scan_is_drawn(page, 0, -90)
+    daemon.say("scan", stamp_s=2.05, **SEEN)
+    assert until(lambda: scan_is_drawn(page, 64, -64))
+    assert not scan_is_drawn(page, 0, -90)
+
+
 def test_a_layer_is_switched_off_by_its_row_of_the_legend_and_stays_so(page: Any, served: str) -> None:
     """The lidar's points are drawn, not drawn, and after a reload not drawn; the legend has only what there is."""
     page.emulate_media(color_scheme="light")
     daemon = opened(page, served, DESKTOP)
-    scan = {"lidar": "top", "x_m": 0.0, "y_m": 0.0, "yaw_rad": 0.0, "bearing_start_rad": 0.0}
-    seen = {**scan, "bearing_step_rad": 0.01, "bearing_mrad": [], "range_mm": [1000] * 7}
 
     def see() -> None:
         daemon.say("map_pose", x_m=0.0, y_m=0.0, heading_rad=0.0, state="localized", map="flat")
-        daemon.say("scan", **seen)
+        daemon.say("scan", **SEEN)
 
     def is_drawn() -> bool:
-        x, y = middle_of_view(page)
-        around = [(x + 90 + right, y + down) for right in (-2, -1, 0, 1, 2) for down in (-4, -2, 0, 2)]
-        colours = [pixel(page, *point) for point in around]  # one metre ahead
-        return any(red - green > 120 for red, green, _ in colours)
+        return scan_is_drawn(page, 90, 0)
 
     see()
     assert until(is_drawn)

@@ -63,7 +63,7 @@ export default class Maps {
     lately.describe("mapping", { kind: "way", words: (state) => (mappingWords(state) ? `${mappingWords(state)}.` : "") });
     this.layer = view.addLayer("map-walls", t("maps.layer"), (c) => this.grid?.draw(c), { order: 10 });
     view.onColours.push(() => this.grid?.repaint(this.#colours()));
-    connection.on("map_pose", (pose) => view.setPose(pose.state === "ended" ? null : pose, true), SHOWN_HZ);
+    connection.on("map_pose", (pose, { stamp_s }) => view.setPose(pose.state === "ended" ? null : pose, true, stamp_s), SHOWN_HZ);
     connection.on("map", (part) => this.#enqueue(() => this.#take(part)));
     connection.on("mapping", (mapping) => this.#show(mapping));
     connection.on("localization", (found) => this.#located(found));

@@ -15,9 +15,9 @@ export class Sensors {
 
   constructor(connection, view) {
     this.view = view;
-    connection.on("odometry", (pose) => this.#showPose(pose), SHOWN_HZ);
-    connection.on("scan", (scan) => {
-      view.scans.set(scan.lidar, scanPoints(scan));
+    connection.on("odometry", (pose, { stamp_s }) => this.#showPose(pose, stamp_s), SHOWN_HZ);
+    connection.on("scan", (scan, { stamp_s }) => {
+      view.scans.set(scan.lidar, { points: scanPoints(scan), stamp_s });
       view.scanLayer.setKnown(true);
       view.draw();
     }, SHOWN_HZ);
@@ -36,9 +36,9 @@ export class Sensors {
     $("sensors-part").hidden = !["ranges", "lidars", "depth_cameras"].some((name) => can.has(`topic.${name}`));
   }
 
-  #showPose(pose) {
+  #showPose(pose, stamp_s) {
     this.#pose = pose;
-    this.view.setPose(pose, false);
+    this.view.setPose(pose, false, stamp_s);
     this.#write();
   }
 

@@ -4,6 +4,7 @@ import { $ } from "./dom.js";
 import { Gestures } from "./gestures.js";
 import { t } from "./language.js";
 import { Layers } from "./layers.js";
+import { PoseHistory } from "./poses.js";
 
 const TRAIL_STEP_M = 0.05;
 const TRAIL_POINTS = 2000;
@@ -14,6 +15,7 @@ const [NARROW_PX, TOOLS_PX] = [600, 56]; // in a narrow room the buttons at its 
 export class View {
   #colours = new Map();
   #bounds = () => null;
+  #poses = new PoseHistory(); // of what ``robot`` says
   #layers;
 
   // ``room`` is the part of the canvas that nothing covers.
@@ -41,7 +43,7 @@ export class View {
     this.#layers = new Layers(() => this.draw());
     this.trailLayer = this.addLayer("trail", t("layer.trail"), (c) => this.line(this.trail, this.colour("trail"), 2), { order: 60 });
     this.rangeLayer = this.addLayer("range", t("layer.range"), (c) => this.#fromRobot(c, () => this.#paintRanges()), { order: 80 });
-    this.scanLayer = this.addLayer("scan", t("layer.scan"), (c) => this.#fromRobot(c, () => this.#paintScans()), { order: 90 });
+    this.scanLayer = this.addLayer("scan", t("layer.scan"), (c) => this.#paintScans(c), { order: 90 });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       this.#colours.clear();
       for (const changed of this.onColours) changed();
@@ -102,11 +104,16 @@ export class View {
     return this.mapPose ?? this.pose;
   }
 
-  setPose(pose, inMap) {
-    if (inMap && (!this.mapPose || this.mapPose.map !== pose?.map)) this.trail = [];
+  // ``stamp_s`` is the daemon's time of the pose.
+  setPose(pose, inMap, stamp_s) {
+    if (inMap && (!this.mapPose || this.mapPose.map !== pose?.map)) {
+      this.trail = [];
+      this.#poses.clear();
+    }
     if (inMap) this.mapPose = pose;
     else this.pose = pose;
     if (!this.robot) return;
+    if (this.robot === pose) this.#poses.add(stamp_s, pose);
     const robot = this.robot;
     const last = this.trail.at(-1);
     if (!last || Math.hypot(robot.x_m - last[0], robot.y_m - last[1]) > TRAIL_STEP_M) {
@@ -242,9 +249,9 @@ export class View {
     c.stroke();
   }
 
-  #fromRobot(c, paint) {
-    if (!this.robot) return;
-    const { x_m, y_m, heading_rad } = this.robot;
+  #fromRobot(c, paint, robot = this.robot) {
+    if (!robot) return;
+    const { x_m, y_m, heading_rad } = robot;
     c.save();
     c.translate(x_m, y_m);
     c.rotate(heading_rad);
@@ -252,11 +259,13 @@ export class View {
     c.restore();
   }
 
-  #paintScans() {
-    const { context: c } = this;
+  // Each where the robot was when its last beam was measured: it may have turned since then.
+  #paintScans(c) {
     c.fillStyle = this.colour("scan");
     const dot = Math.max(0.02, 2 / this.scale);
-    for (const points of this.scans.values()) for (const [x, y] of points) c.fillRect(x - dot / 2, y - dot / 2, dot, dot);
+    for (const { points, stamp_s } of this.scans.values()) {
+      this.#fromRobot(c, () => points.forEach(([x, y]) => c.fillRect(x - dot / 2, y - dot / 2, dot, dot)), this.#poses.at(stamp_s) ?? this.robot);
+    }
   }
 
   #paintBody() {
