@@ -84,14 +84,14 @@ class DriveCommands:
         speeds = [allowed.command[name] for name in params.name]
         return WheelSpeedsSet(name=params.name, velocity_rad_s=speeds, limited_by=allowed.limited_by)
 
-    @method(role=Role.OBSERVE, urgent=True, when_crowded=True)
+    @method(role=Role.OBSERVE, for_guests=True, urgent=True, when_crowded=True)
     def stop(self, caller: Caller, params: StopParams) -> Stopped:
         """Come to rest within the deceleration limit; sources that others drive are held until they let go."""
         drivers = self._leases.drivers(self._clock.now_s())
         self._service.stop(str(caller.session), caller.session.number)
         return Stopped(drivers=drivers, stop_number=self._service.stop_number)
 
-    @method(role=Role.OBSERVE, urgent=True, when_crowded=True)
+    @method(role=Role.OBSERVE, for_guests=True, urgent=True, when_crowded=True)
     def estop(self, caller: Caller, params: EstopParams) -> Stopped:
         """Stop the motors at once, and until armed again."""
         drivers = self._leases.drivers(self._clock.now_s())

@@ -221,6 +221,6 @@ def topics(wheel_names: tuple[str, ...]) -> tuple[Topic, ...]:
     gate = (events.SafetyChanged, events.ControlChanged)
     return (
         Topic("wheels", (events.WheelsDriven,), WheelsData, partial(_wheels, wheel_names)),
-        Topic("safety", gate, SafetyData, safety_data, join=_join_safety, always_known=True),
+        Topic("safety", gate, SafetyData, safety_data, join=_join_safety, always_known=True, for_guests=True),
         Topic("drive_warning", (events.DriveWarned,), DriveWarningData, same_names(DriveWarningData)),
     )

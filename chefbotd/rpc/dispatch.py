@@ -25,6 +25,7 @@ from chefbotd.rpc.jobs import Jobs
 from chefbotd.rpc.jsonrpc import ERRORS, ErrorKind, Failure, Request
 from chefbotd.rpc.method import Caller, Method, Unserved
 from chefbotd.rpc.models import MotionParams, Params
+from chefbotd.rpc.parameters import Role
 from chefbotd.rpc.session import Session
 
 
@@ -297,10 +298,9 @@ class Dispatcher:
             raise Unserved(ErrorKind.RATE_LIMITED, "too many requests a second")
         if method is None:
             raise Unserved(ErrorKind.METHOD_NOT_FOUND, f"no method {request.method!a}")
-        if method.role is not None and session.role is not None and not session.role.allows(method.role):
-            raise Unserved(
-                ErrorKind.FORBIDDEN, f"{request.method} needs the role {method.role}, not {session.role}"
-            )
+        if session.role is not None and not method.is_allowed(session.role):
+            needed = "is not for guests" if method.role is Role.OBSERVE else f"needs the role {method.role}"
+            raise Unserved(ErrorKind.FORBIDDEN, f"{request.method} {needed}; this client's is {session.role}")
         return method
 
 

@@ -99,7 +99,7 @@ class Jobs:
         if not own:
             del self._tasks[session]
 
-    @method(role=Role.OBSERVE)
+    @method(role=Role.OBSERVE, for_guests=True)
     def cancel(self, caller: Caller, params: CancelParams) -> Done:
         """Cancel a running request of this client. When it has ended, its answer is ``cancelled``."""
         task = self._tasks.get(caller.session, {}).get(params.id)

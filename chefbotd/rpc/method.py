@@ -71,7 +71,8 @@ class Method(Struct, frozen=True):
     ``role`` is what a client needs for it, None: not even a token. An ``urgent`` method stops the robot: it passes
     every rate limit, is never refused for its form, and may overtake others. One that ``moves`` the robot, or lets it
     move, is not carried out when it was overtaken. One that is served ``when_crowded`` can also be called from a place
-    kept for stops. A ``constant`` one always answers the same.
+    kept for stops. A ``constant`` one always answers the same. Of what an observer may call, guests may call what is
+    ``for_guests``.
     """
 
     role: Role | None
@@ -83,6 +84,13 @@ class Method(Struct, frozen=True):
     moves: bool = False
     when_crowded: bool = False
     constant: bool = False
+    for_guests: bool = False
+
+    def is_allowed(self, role: Role) -> bool:
+        """Whether a client of this role may call it."""
+        if role is Role.GUEST and self.role is Role.OBSERVE:
+            return self.for_guests
+        return self.role is None or role.allows(self.role)
 
     @property
     def name(self) -> str:
@@ -102,6 +110,7 @@ def method(
     moves: bool | None = None,
     when_crowded: bool = False,
     constant: bool = False,
+    for_guests: bool = False,
     afterwards: Callable[[Any, Caller, Any], None] | None = None,
     params: type[Params] | None = None,
 ) -> Callable[[F], F]:
@@ -137,7 +146,18 @@ def method(
                     f"{function.__qualname__}: {what} must be annotated with a {expected}, got {model!r}"
                 )
         after: Any = afterwards  # it is bound to the handlers by ``methods_of``
-        row = Method(role, params_model, result, function, after, urgent, bool(moves), when_crowded, constant)
+        row = Method(
+            role,
+            params_model,
+            result,
+            function,
+            after,
+            urgent,
+            bool(moves),
+            when_crowded,
+            constant,
+            for_guests,
+        )
         function._method = row  # type: ignore[attr-defined]
         return function
 

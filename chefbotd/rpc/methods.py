@@ -64,6 +64,7 @@ def _method(method: Method) -> models.MethodDescription:
     return models.MethodDescription(
         summary=method.summary,
         role=method.role,
+        for_guests=method.is_allowed(Role.GUEST),
         params=_schema(method.params),
         result=_schema(method.result),
     )
@@ -71,7 +72,7 @@ def _method(method: Method) -> models.MethodDescription:
 
 def _topic(topic: Topic) -> models.TopicDescription:
     summary = (topic.model.__doc__ or "").partition("\n")[0]
-    return models.TopicDescription(summary=summary, data=_schema(topic.model))
+    return models.TopicDescription(summary=summary, for_guests=topic.for_guests, data=_schema(topic.model))
 
 
 def _schema(model: Any) -> dict[str, Any]:
@@ -118,14 +119,14 @@ class ServerMethods:
         log.info("client_authenticated", client=str(session), role=str(role))
         return models.Authenticated(client=str(session), role=role)
 
-    @method(role=Role.OBSERVE, when_crowded=True)
+    @method(role=Role.OBSERVE, for_guests=True, when_crowded=True)
     def set_client_name(self, caller: Caller, params: models.SetClientNameParams) -> models.Done:
         """Set the name under which other clients see this one."""
         caller.session.client = params.client
         self._leases.renamed(caller.session, self._clock.now_s())
         return DONE
 
-    @method(role=Role.OBSERVE, constant=True)
+    @method(role=Role.OBSERVE, for_guests=True, constant=True)
     def describe(self, caller: Caller, params: NoParams) -> models.Description:
         """Describe the methods, topics and errors, with their JSON Schemas."""
         return describe(self._table, self._fanout.topics, self._plugins)
@@ -135,7 +136,7 @@ class ServerMethods:
         """The plug-ins that the configuration allows, and what became of each."""
         return models.PluginList(plugins=self._plugins)
 
-    @method(role=Role.OBSERVE, when_crowded=True)
+    @method(role=Role.OBSERVE, for_guests=True, when_crowded=True)
     def ping(self, caller: Caller, params: NoParams) -> models.Pong:
         """Answer at once, with the daemon's time."""
         return models.Pong(stamp_s=self._clock.now_s())
@@ -152,10 +153,16 @@ class ServerMethods:
         state: Any = self._table["get_state"].result
         return state(stamp_s=self._clock.now_s(), **always_known, topics=fanout.states())  # type: ignore[no-any-return]
 
-    @method(role=Role.OBSERVE, afterwards=lambda self, caller, params: self._send_snapshots(caller, params))
+    @method(
+        role=Role.OBSERVE,
+        for_guests=True,
+        afterwards=lambda self, caller, params: self._send_snapshots(caller, params),
+    )
     def subscribe(self, caller: Caller, params: models.SubscribeParams) -> models.Subscribed:
         """Receive topics from now on, first the latest value of each; replaces their rate and policy."""
         self._require_known(params.topics)
+        if caller.session.role is Role.GUEST:
+            self._require_for_guests(params.topics)
         interval_s = 0.0 if params.max_rate_hz is None else 1.0 / params.max_rate_hz
         self._fanout.add_receiver(caller, params.topics, params.policy, interval_s)
         return self._subscribed(caller)
@@ -163,7 +170,7 @@ class ServerMethods:
     def _send_snapshots(self, caller: Caller, params: models.SubscribeParams) -> None:
         self._fanout.snapshot(caller, dict.fromkeys(params.topics))
 
-    @method(role=Role.OBSERVE)
+    @method(role=Role.OBSERVE, for_guests=True)
     def unsubscribe(self, caller: Caller, params: models.UnsubscribeParams) -> models.Subscribed:
         """Stop receiving these topics; without any, all topics."""
         self._require_known(params.topics or ())
@@ -178,6 +185,11 @@ class ServerMethods:
         for name in names:
             if name not in topics:
                 raise Unserved(ErrorKind.UNKNOWN_TOPIC, f"no topic {name!a}; there are {', '.join(topics)}")
+
+    def _require_for_guests(self, names: Iterable[str]) -> None:
+        for name in names:
+            if not self._fanout.topics[name].for_guests:
+                raise Unserved(ErrorKind.FORBIDDEN, f"the topic {name} is not for guests")
 
     @method(role=Role.DRIVE, moves=False)
     def take_control(self, caller: Caller, params: models.TakeControlParams) -> models.ControlTaken:

@@ -191,18 +191,23 @@ class Dropped(Record, frozen=True):
 
 
 class MethodDescription(Record, frozen=True):
-    """A method's purpose, the role that it needs (null: none), and the JSON Schemas of what it takes and gives."""
+    """A method's purpose, the role that it needs (null: none), and the JSON Schemas of what it takes and gives.
+
+    ``for_guests``: guests may call it, too; of other roles each may call what those below it may.
+    """
 
     summary: str
     role: Role | None
+    for_guests: bool
     params: dict[str, Any]
     result: dict[str, Any]
 
 
 class TopicDescription(Record, frozen=True):
-    """A topic's purpose and the JSON Schema of its data."""
+    """A topic's purpose, the JSON Schema of its data, and whether guests may subscribe to it."""
 
     summary: str
+    for_guests: bool
     data: dict[str, Any]
 
 

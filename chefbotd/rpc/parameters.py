@@ -12,7 +12,7 @@ from chefbotd.core.parameters import Parameters
 
 
 class Role(StrEnum):
-    """What a client may do; each includes the ones before it.
+    """What a client may do; each includes the ones before it, but a guest has only what is ``for_guests`` of observers'.
 
     ``observe`` looks, and stops the robot; ``guest`` answers and presses the buttons of agents; ``agent`` is one, and
     sends the robot to goals; ``drive`` moves it in any way; ``admin`` changes how it works.

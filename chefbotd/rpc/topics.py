@@ -27,6 +27,7 @@ class Topic(Struct, frozen=True):
     It is called with False when the last subscriber has left.
     Of a ``passing`` one every event is sent, in order, and nobody gets an old one, also not with ``get_state``.
     One that is ``always_known`` has data before its first event, ``data(None)``, and a key of its own in ``get_state``.
+    Guests may subscribe to those ``for_guests`` alone.
     """
 
     name: str
@@ -38,3 +39,4 @@ class Topic(Struct, frozen=True):
     passing: bool = False
     always_known: bool = False
     demanded: Callable[[bool], None] | None = None
+    for_guests: bool = False

@@ -77,5 +77,12 @@ def localization_data(event: LocalizationChanged | None) -> LocalizationData:
 
 
 TOPICS = (
-    Topic("localization", (LocalizationChanged,), LocalizationData, localization_data, always_known=True),
+    Topic(
+        "localization",
+        (LocalizationChanged,),
+        LocalizationData,
+        localization_data,
+        always_known=True,
+        for_guests=True,
+    ),
 )

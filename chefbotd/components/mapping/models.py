@@ -93,7 +93,7 @@ def mapping_data(event: MappingChanged | None) -> MappingData:
 
 
 TOPICS = (
-    Topic("mapping", (MappingChanged,), MappingData, mapping_data, always_known=True),
-    Topic("map", (MapChanged,), MapData, map_data),
-    Topic("map_pose", (MapPoseUpdated,), MapPoseData, _map_pose),
+    Topic("mapping", (MappingChanged,), MappingData, mapping_data, always_known=True, for_guests=True),
+    Topic("map", (MapChanged,), MapData, map_data, for_guests=True),
+    Topic("map_pose", (MapPoseUpdated,), MapPoseData, _map_pose, for_guests=True),
 )

@@ -161,7 +161,7 @@ class MapsService:
 
     # what clients ask: each runs as a job, because the disk may take its time
 
-    @method(role=Role.OBSERVE)
+    @method(role=Role.OBSERVE, for_guests=True)
     async def list_maps(self, caller: Caller, params: NoParams, progress: ProgressReporter) -> MapList:
         """List the stored maps, whether each is intact, and which one is in use."""
         in_use = self.in_use  # of one moment: another may be loaded while the disk is read
@@ -249,7 +249,7 @@ class MapsService:
         log.info("map in use", map=name, version=number)
         self._entries.observe(self._bus, MapLoaded(self._clock.now_s(), folder, name, number, renamed_from))
 
-    @method(role=Role.OBSERVE)
+    @method(role=Role.OBSERVE, for_guests=True)
     async def get_map(self, caller: Caller, params: GetMapParams, progress: ProgressReporter) -> MapPart:
         """The cells of a map, compressed, in parts."""
         name, part, now_s = params.name, params.part, self._clock.now_s()
@@ -355,7 +355,7 @@ class MapsService:
         pose = self._robot_pose.pose_in(of_map, self.in_use, self._clock.now_s())
         return {"x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad}
 
-    @method(role=Role.OBSERVE)
+    @method(role=Role.OBSERVE, for_guests=True)
     async def list_places(self, caller: Caller, params: OfMapParams, progress: ProgressReporter) -> PlaceList:
         """The places of a map."""
         return await self.places(params.map)

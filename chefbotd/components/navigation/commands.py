@@ -73,13 +73,13 @@ class NavigationCommands:
         """Plan a path without driving: whether there is one, its length, and the time it takes."""
         return await self._service.plan_to(params)
 
-    @method(role=Role.OBSERVE)
+    @method(role=Role.OBSERVE, for_guests=True)
     def cancel_navigation(self, caller: Caller, params: NoParams) -> Done:
         """End all goals; the robot comes to rest."""
         self._service.cancel(f"by {caller.session}", GoalCause.ASKED, str(caller.session))
         return DONE
 
-    @method(role=Role.OBSERVE)
+    @method(role=Role.OBSERVE, for_guests=True)
     def pause_navigation(self, caller: Caller, params: NoParams) -> Done:
         """Stop the robot, and keep its goals."""
         self._service.pause(str(caller.session))

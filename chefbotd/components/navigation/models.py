@@ -158,7 +158,14 @@ def shown_topics(
 
 
 TOPICS = (
-    Topic("navigation", (NavigationChanged,), NavigationData, same_names(NavigationData), always_known=True),
+    Topic(
+        "navigation",
+        (NavigationChanged,),
+        NavigationData,
+        same_names(NavigationData),
+        always_known=True,
+        for_guests=True,
+    ),
     Topic("arrival", (ArrivalChanged,), ArrivalData, same_names(ArrivalData)),
-    Topic("path", (PathChanged,), PathData, same_names(PathData), always_known=True),
+    Topic("path", (PathChanged,), PathData, same_names(PathData), always_known=True, for_guests=True),
 )

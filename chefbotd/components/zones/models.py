@@ -168,7 +168,9 @@ class ZonesData(Record, frozen=True):
     revision: str = ""
 
 
-TOPICS = (Topic("zones", (ZonesChanged,), ZonesData, same_names(ZonesData), always_known=True),)
+TOPICS = (
+    Topic("zones", (ZonesChanged,), ZonesData, same_names(ZonesData), always_known=True, for_guests=True),
+)
 
 
 def zone_data(own: str, zone: AnyZone) -> ZoneData:

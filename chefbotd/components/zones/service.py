@@ -61,7 +61,7 @@ class ZonesService:
         self.examine: Callable[[bytes, Places], Awaitable[tuple[str, ...]]] | None = None
         self.use: Use | None = None
 
-    @method(role=Role.OBSERVE)
+    @method(role=Role.OBSERVE, for_guests=True)
     async def list_zones(self, caller: Caller, params: OfMapParams, progress: ProgressReporter) -> ZoneList:
         """The zones of a map: where navigation must not go, and where it goes slowly."""
         name = self._maps.named(params.map)

@@ -15,7 +15,7 @@ class DescriptionService:
     def __init__(self, urdf: Callable[[], str | None]) -> None:
         self._urdf = urdf
 
-    @method(role=Role.OBSERVE)
+    @method(role=Role.OBSERVE, for_guests=True)
     def get_description(self, caller: Caller, params: NoParams) -> RobotDescription:
         """The robot's description: its links and joints."""
         return RobotDescription(urdf=self._urdf())

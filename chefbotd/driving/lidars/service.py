@@ -52,7 +52,7 @@ def topics(parameters: Sequence[LidarParameters]) -> tuple[Topic, ...]:
         )
 
     return (
-        Topic("scan", (ScanMeasured,), ScanData, scan_data, on_demand=True),
+        Topic("scan", (ScanMeasured,), ScanData, scan_data, on_demand=True, for_guests=True),
         Topic("lidars", (LidarChanged,), LidarsData, data, join=_join),
     )
 

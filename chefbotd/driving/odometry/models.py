@@ -46,7 +46,7 @@ def _odometry(event: OdometryUpdated) -> OdometryData:
 
 
 TOPICS = (
-    Topic("odometry", (OdometryUpdated,), OdometryData, _odometry),
+    Topic("odometry", (OdometryUpdated,), OdometryData, _odometry, for_guests=True),
     Topic(
         "odometry_condition",
         (OdometryConditionChanged,),

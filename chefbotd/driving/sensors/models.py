@@ -45,6 +45,6 @@ def _ranges(beams: Beams) -> RangesData:
 
 TOPICS = (
     Topic("imu", (ImuMeasured,), ImuData, same_names(ImuData)),
-    Topic("ranges", (RangeMeasured,), RangesData, _ranges, join=_join_beam),
-    Topic("battery", (BatteryMeasured,), BatteryData, same_names(BatteryData)),
+    Topic("ranges", (RangeMeasured,), RangesData, _ranges, join=_join_beam, for_guests=True),
+    Topic("battery", (BatteryMeasured,), BatteryData, same_names(BatteryData), for_guests=True),
 )

@@ -64,6 +64,13 @@ TO_GOALS = {"navigate_to", "follow_waypoints", "go_home", "dock", "resume_naviga
 FOR_GUESTS = {"press_button", "answer_agent"}
 """What somebody may do who only orders: it tells an agent something, and moves and tunes nothing."""
 
+HEARD_BY_GUESTS = {
+    *("safety", "link", "firmware", "battery", "odometry", "ranges", "scan"),
+    *("map", "map_pose", "mapping", "localization", "navigation", "path", "zones"),
+    *("agents", "agent_events", "agent_data"),
+}
+"""Programs, the map with the robot on it, and whether it may move; not the log, the camera, or how it is made."""
+
 MOVES = {
     *("drive", "set_wheel_velocities", "arm", "localize"),
     *TO_GOALS,
@@ -82,7 +89,7 @@ def test_each_role_may_do_its_part(role: Role) -> None:
             serving(guard=GUARD) as served,
             Client.connect(served.host, served.port, token=TOKENS[role]) as robot,
         ):
-            expected = {name for name, method in METHODS.items() if method.role and role.allows(method.role)}
+            expected = {name for name, method in METHODS.items() if method.role and method.is_allowed(role)}
             assert {m for m in CALLS if await carried_out(robot, m)} == expected
 
     run_virtual(main())
@@ -107,6 +114,42 @@ def broken_rules(methods: Mapping[str, Method]) -> set[str]:
             and name not in ENDS_MOTION | OF_THE_CLIENT_ITSELF
         )
     }
+
+
+def test_a_guest_may_press_buttons_look_at_the_map_and_stop_the_robot_and_nothing_else() -> None:
+    """Of the methods of every component, with maps and navigation: these. Whoever orders has no use for the rest."""
+    every = methods_of_socket()
+    may = {name for name, method in every.items() if method.is_allowed(Role.GUEST)}
+    assert may == {
+        *("authenticate", "redeem_invitation", "set_client_name", "ping", "describe", "get_description"),
+        *("subscribe", "unsubscribe", "cancel", "get_map", "list_maps", "list_places", "list_zones"),
+        *ENDS_MOTION,
+        *FOR_GUESTS,
+    }
+
+
+def test_a_guest_hears_of_programs_the_map_and_whether_the_robot_may_move() -> None:
+    """It is refused the log, the camera and all else, alone or among others, and its subscriptions stay as they are."""
+
+    async def main() -> None:
+        async with (
+            serving(guard=GUARD) as served,
+            Client.connect(served.host, served.port, token=TOKENS[Role.GUEST]) as guest,
+            Client.connect(served.host, served.port, token=TOKENS[Role.OBSERVE]) as observer,
+        ):
+            topics = (await guest.describe()).topics
+            heard = {name for name, topic in topics.items() if topic.for_guests}
+            assert heard == HEARD_BY_GUESTS & topics.keys()
+            assert {"safety", "link", "odometry", "battery"} <= heard < topics.keys()
+            assert set((await guest.call("subscribe", topics=["safety"]))["topics"]) == {"safety"}
+            for name in topics.keys() - heard:
+                with pytest.raises(CallError, match="is not for guests") as refused:
+                    await guest.call("subscribe", topics=["link", name])
+                assert refused.value.kind == "forbidden"
+            assert set((await guest.call("subscribe", topics=["battery"]))["topics"]) == {"safety", "battery"}
+            await observer.call("subscribe", topics=sorted(topics))
+
+    run_virtual(main())
 
 
 def test_what_moves_the_robot_needs_a_driver_and_observers_only_read() -> None:

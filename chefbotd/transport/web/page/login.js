@@ -87,16 +87,17 @@ export class Login {
     for (const part of document.querySelectorAll("header, main")) part.inert = isBehind;
   }
 
-  // The daemon's capabilities without the methods that this role may not use: those are as good as absent.
+  // The daemon's capabilities without what this role may not use: that is as good as absent.
   async #permitted(capabilities, role) {
     document.body.dataset.role = role; // guests see the cards that are for them
     const mayAll = !knows(`role.${role}`);
     $("role-part").hidden = mayAll;
     text("role", mayAll ? "" : t(`role.${role}`));
     if (mayAll) return capabilities;
-    const { methods } = await this.connection.request("describe");
-    const refused = Object.entries(methods).filter(([, { role: needed }]) => RANKS.indexOf(needed) > RANKS.indexOf(role));
-    for (const [name] of refused) capabilities.delete(`method.${name}`);
+    const { methods, topics } = await this.connection.request("describe");
+    const mayNot = role === "guest" ? (each) => !each.for_guests : ({ role: needed }) => RANKS.indexOf(needed) > RANKS.indexOf(role);
+    for (const [name, method] of Object.entries(methods)) if (mayNot(method)) capabilities.delete(`method.${name}`);
+    for (const [name, topic] of Object.entries(topics)) if (role === "guest" && mayNot(topic)) capabilities.delete(`topic.${name}`);
     return capabilities;
   }
 }
