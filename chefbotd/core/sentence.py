@@ -1,6 +1,6 @@
 """A sentence for people that can be said in another language: its English words, with an id and its arguments."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 Value: TypeAlias = str | int | float | dict[str, Any]
@@ -59,6 +59,16 @@ def join_words(words: Sequence[str]) -> str:
     return first
 
 
+def join_sentences(sentences: Iterable[str]) -> str:
+    """Those that are not empty, as "A; B"; empty without any."""
+    joined = ""
+    for sentence in filter(None, sentences):
+        joined = (
+            Sentence("driving.both", "{first}; {other}", first=joined, other=sentence) if joined else sentence
+        )
+    return joined
+
+
 SAID = "said"
 """The member of an object that says of which sentences some of its texts are, by the texts' names."""
 
@@ -80,7 +90,7 @@ def mark_sentence(sentence: Sentence) -> dict[str, Any]:
 def with_ids(value: Any) -> Any:
     """The same with each marked sentence as its words, and with its id and its arguments in ``said`` beside it.
 
-    A sentence in a list has its words alone: it has no name.
+    Of a list with sentences ``said`` has a list, with null for what is none.
     """
     if isinstance(value, list):
         return [with_ids(item) for item in value]
@@ -88,9 +98,16 @@ def with_ids(value: Any) -> Any:
         return value
     if _MARK in value:
         return value[_MARK]
-    marked = {name: item for name, item in value.items() if isinstance(item, dict) and _MARK in item}
-    said = {name: {"id": mark["id"], "arguments": mark["arguments"]} for name, mark in marked.items()}
+    said = {name: data for name, item in value.items() if (data := _said_of(item))}
     return {name: with_ids(item) for name, item in value.items()} | ({SAID: said} if said else {})
+
+
+def _said_of(item: Any) -> Any:
+    if isinstance(item, dict) and _MARK in item:
+        return {"id": item["id"], "arguments": item["arguments"]}
+    if isinstance(item, list) and any(isinstance(part, dict) and _MARK in part for part in item):
+        return [_said_of(part) for part in item]
+    return None
 
 
 def with_sentences(value: Any) -> Any:
@@ -101,4 +118,10 @@ def with_sentences(value: Any) -> Any:
         return value
     said = value.get(SAID)
     whole = {name: with_sentences(item) for name, item in value.items() if name != SAID or not said}
-    return whole | {name: sentence_of(whole[name], data) for name, data in (said or {}).items()}
+    return whole | {name: _with_said(whole[name], data) for name, data in (said or {}).items()}
+
+
+def _with_said(words: Any, data: Any) -> Any:
+    if isinstance(data, list):
+        return [_with_said(part, own) for part, own in zip(words, data, strict=True)]
+    return sentence_of(words, data) if data else words

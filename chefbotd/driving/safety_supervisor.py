@@ -336,7 +336,9 @@ class SafetySupervisor(StatefulPart[SupervisorState]):
             self._recover(Sentence("driving.link_back", "the link is back"))
         elif isinstance(event, LinkClosed):
             self.own_state.link_open = False
-            lost = Sentence("driving.link_lost", "the link was lost: {why}", why=event.reason)
+            closed = Sentence("driving.port_closed", "closed")
+            why = closed if event.reason == closed else event.reason
+            lost = Sentence("driving.link_lost", "the link was lost: {why}", why=why)
             self.fail(Fault(FaultKind.LINK_LOST, lost))
         else:
             restarted = Sentence("driving.board_restarted", "the board restarted: {why}", why=event.cause)

@@ -14,6 +14,8 @@ from typing import NamedTuple
 
 from serial.tools import list_ports
 
+from chefbotd.core.sentence import Sentence
+
 BY_ID = Path("/dev/serial/by-id")
 """Names that stay the same whichever socket a cable is plugged into; udev makes them."""
 
@@ -27,9 +29,11 @@ UNKNOWN = "an unknown process"
 def advice(device: str, error: OSError, by_id: Path = BY_ID) -> str:
     """What keeps ``device`` from being opened, and what to do about it."""
     if error.errno == errno.ENOENT:
-        return f"there is no such device; {ports_there(by_id)}"
+        return Sentence("board.no_device", "there is no such device; {ports}", ports=ports_there(by_id))
     if error.errno in (errno.EACCES, errno.EPERM):
-        return f"permission denied; {permission_advice(device)}"
+        return Sentence(
+            "board.no_permission", "permission denied; {advice}", advice=permission_advice(device)
+        )
     return str(error)
 
 
@@ -38,9 +42,9 @@ def ports_there(by_id: Path = BY_ID) -> str:
     names = names_by_device(by_id)
     devices = sorted(port.device for port in list_ports.comports())
     if not devices:
-        return "no serial port was found: is the board plugged in and powered?"
+        return Sentence("board.no_port", "no serial port was found: is the board plugged in and powered?")
     ports = [f"{names[Path(port)]} ({port})" if Path(port) in names else port for port in devices]
-    return f"available serial ports: {', '.join(ports)}"
+    return Sentence("board.ports", "available serial ports: {ports}", ports=", ".join(ports))
 
 
 def permission_advice(device: str) -> str:

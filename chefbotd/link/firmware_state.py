@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 from chefbotd.core.events import FirmwareReported
 from chefbotd.core.record import MutableState, Record
+from chefbotd.core.sentence import Sentence
 from firmware_protocol import messages as wire
 
 BOARDS = {1: "atmega328p", 2: "tm4c123", 3: "lm3s6965", 4: "host"}
@@ -58,23 +59,44 @@ class LineQuality(Record, frozen=True):
 
 def no_answer(heard: LineQuality, counters: wire.BoardCounters | None, hellos: int) -> str:
     """What is known of a line on which our board does not answer; ``counters`` are the board's of an earlier time."""
-    counted = "" if counters is None else f"; the board has counted {counters.crc} damaged lines of ours"
-    share = f" ({100 * heard.damaged / heard.lines:.0f} %)" if heard.lines else ""
-    return (
-        f"the cable is bad, or only one way of it is whole: the board is ours, and answered none of {hellos} hellos. Of "
-        f"its {heard.lines} lines since the port was opened {heard.damaged} came damaged{share}{counted}. The motors "
-        "stay off, as a line without a checksum can be a wrong command, and nothing would stop the board by itself; it "
-        "is asked again every second"
+    percent = 100 * heard.damaged / heard.lines if heard.lines else 0.0
+    if counters is None:
+        return Sentence(
+            "board.no_answer",
+            "the cable is bad, or only one way of it is whole: the board is ours, and answered none of {hellos} hellos. "
+            "Of its {lines} lines since the port was opened {damaged} came damaged ({percent:.0f} %). The motors stay "
+            "off, as a line without a checksum can be a wrong command, and nothing would stop the board by itself; it "
+            "is asked again every second",
+            hellos=hellos,
+            lines=heard.lines,
+            damaged=heard.damaged,
+            percent=percent,
+        )
+    return Sentence(
+        "board.no_answer_counted",
+        "the cable is bad, or only one way of it is whole: the board is ours, and answered none of {hellos} hellos. Of "
+        "its {lines} lines since the port was opened {damaged} came damaged ({percent:.0f} %); the board has counted "
+        "{counted} damaged lines of ours. The motors stay off, as a line without a checksum can be a wrong command, and "
+        "nothing would stop the board by itself; it is asked again every second",
+        hellos=hellos,
+        lines=heard.lines,
+        damaged=heard.damaged,
+        percent=percent,
+        counted=counters.crc,
     )
 
 
 def no_name(heard: LineQuality) -> str:
     """What is known of a line on which a board that was ours has not named itself."""
-    return (
+    return Sentence(
+        "board.no_name",
         "the board at this port ran our firmware when it was last heard, and has not named itself; of its "
-        f"{heard.lines} lines since the port was opened {heard.damaged} came damaged "
-        f"({100 * heard.damaged / heard.lines:.0f} %). The motors stay off, as a line without a checksum can be a wrong "
-        "command: check the cable. Another board is driven once its lines come whole"
+        "{lines} lines since the port was opened {damaged} came damaged ({percent:.0f} %). The motors stay off, "
+        "as a line without a checksum can be a wrong command: check the cable. Another board is driven once its "
+        "lines come whole",
+        lines=heard.lines,
+        damaged=heard.damaged,
+        percent=100 * heard.damaged / heard.lines,
     )
 
 

@@ -9,6 +9,7 @@ from enum import StrEnum
 from msgspec import field
 
 from chefbotd.core.record import MutableState, Record, StatefulPart
+from chefbotd.core.sentence import Sentence
 from chefbotd.link.firmware_state import LineQuality
 from chefbotd.link.line_format import FormatWatch, TimeUnitWatch, has_other_separator, kinds_of
 from firmware_protocol.codec import Variant
@@ -101,21 +102,48 @@ class HealthWatch(MutableState):
 
 def _judge(new: Heard, waited_s: float, sample: bytes) -> LinkHealth:
     if not new.bytes:
-        reason = f"nothing received for {waited_s:.1f} s: is the board powered, and does its program run?"
+        reason = Sentence(
+            "board.silent",
+            "nothing received for {seconds:.1f} s: is the board powered, and does its program run?",
+            seconds=waited_s,
+        )
         return LinkHealth(Condition.SILENT, reason)
     if new.frames and new.frames >= LEAST_FRAME_SHARE * new.lines:
         return LinkHealth(Condition.HEALTHY, "")
-    received = f"{new.bytes} bytes, {new.lines} lines, {new.frames} of them frames; received: {show(sample)}"
+    received = Sentence(
+        "board.received",
+        "{bytes} bytes, {lines} lines, {frames} of them frames; received: {sample}",
+        bytes=new.bytes,
+        lines=new.lines,
+        frames=new.frames,
+        sample=show(sample),
+    )
     if has_other_separator(sample):
         return LinkHealth(
             Condition.LINES_REFUSED,
-            f"the lines look like a board's, but their fields are not separated by one TAB each: {received}",
+            Sentence(
+                "board.other_separator",
+                "the lines look like a board's, but their fields are not separated by one TAB each: {received}",
+                received=received,
+            ),
         )
     if _garbled_share(sample) > GARBLED_SHARE:
         return LinkHealth(
-            Condition.WRONG_BAUD, f"mostly bytes that are no text: is the baud rate right? {received}"
+            Condition.WRONG_BAUD,
+            Sentence(
+                "board.wrong_baud",
+                "mostly bytes that are no text: is the baud rate right? {received}",
+                received=received,
+            ),
         )
-    return LinkHealth(Condition.WRONG_DEVICE, f"text without frames: is this the board's port? {received}")
+    return LinkHealth(
+        Condition.WRONG_DEVICE,
+        Sentence(
+            "board.wrong_device",
+            "text without frames: is this the board's port? {received}",
+            received=received,
+        ),
+    )
 
 
 def _garbled_share(sample: bytes) -> float:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from msgspec import field
 
 from chefbotd.core.record import MutableState, Record, replace
+from chefbotd.core.sentence import Sentence
 from firmware_protocol.codec import FROM_BOARD, Variant, rows_from_board
 from firmware_protocol.messages import Malformed
 
@@ -82,9 +83,14 @@ class FormatWatch(MutableState):
 
 def describe_refused(kind: str, count: int, detail: str, example: str) -> str:
     """A kind of line that is always refused, for people."""
-    return (
-        f"every {kind!r} line is refused ({count} in a row): {detail}, such as '{example}'. The board writes it in "
-        "another format than docs/protocol.md; this is no damage"
+    return Sentence(
+        "board.lines_refused",
+        "every {kind!r} line is refused ({count} in a row): {detail}, such as '{example}'. The board writes it "
+        "in another format than docs/protocol.md; this is no damage",
+        kind=kind,
+        count=count,
+        detail=detail,
+        example=example,
     )
 
 
@@ -142,11 +148,16 @@ def describe_rate(rate: float) -> str | None:
         return None
     for unit, seems in UNITS.items():
         if math.isclose(rate, seems, rel_tol=2 * STEADY, abs_tol=ONE_COUNT):
-            return (
-                f"the time column of 't' counts {unit}, and the protocol has microseconds there (micros()): "
-                f"speeds would be wrong by {1 / seems:g} times"
+            return Sentence(
+                "board.time_unit",
+                "the time column of 't' counts {unit}, and the protocol has microseconds there (micros()): "
+                "speeds would be wrong by {times:g} times",
+                unit=unit,
+                times=1 / seems,
             )
-    return (
-        f"the board's clock runs {rate:.2g} times as fast as the computer's, so speeds are wrong by as much: is its "
-        "program built for another frequency of the processor?"
+    return Sentence(
+        "board.clock_rate",
+        "the board's clock runs {rate:.2g} times as fast as the computer's, so speeds are wrong by as much: is "
+        "its program built for another frequency of the processor?",
+        rate=rate,
     )

@@ -15,6 +15,7 @@ import structlog
 from pydantic import Field, field_validator, model_validator
 
 from chefbotd.core.parameters import Parameters, check_device
+from chefbotd.core.sentence import Sentence
 from chefbotd.link.device_threads import DEVICE_THREADS
 from chefbotd.link.early_stop import hand_over
 
@@ -310,6 +311,14 @@ class SerialPortTransport(serial_asyncio.SerialTransport, PortTransport):  # typ
             super().abort()
 
 
+class CannotOpen(OSError):
+    """A device cannot be opened; ``why`` says so without its name."""
+
+    def __init__(self, device: str, why: str) -> None:
+        super().__init__(f"{device}: {why}")
+        self.why = why
+
+
 async def open_port(parameters: LinkParameters, protocol: asyncio.BaseProtocol) -> asyncio.Transport:
     """Open the device and connect ``protocol`` to it.
 
@@ -344,8 +353,12 @@ def _open(parameters: LinkParameters) -> Any:
         from chefbotd.link.cannot_open import advice, owner_of
 
         in_use = error.errno in IN_USE
-        reason = f"in use by {owner_of(device)}" if in_use else advice(device, error)
-        raise OSError(f"{device}: {reason}") from error
+        reason = (
+            Sentence("board.in_use", "in use by {owner}", owner=owner_of(device))
+            if in_use
+            else advice(device, error)
+        )
+        raise CannotOpen(device, reason) from error
 
 
 def _open_tty(parameters: LinkParameters) -> "BriefSerial":

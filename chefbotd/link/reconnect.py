@@ -131,7 +131,8 @@ class PortLink:
             except OSError as error:
                 now_s = self._clock.now_s()
                 if str(error) != complaint:
-                    reason = str(error).removeprefix(f"{self._parameters.device}: ")
+                    words = str(error).removeprefix(f"{self._parameters.device}: ")
+                    reason: str = getattr(error, "why", words)
                     with self._entries.entry(PortNotOpened, self._name, reason):
                         self._session.report_not_opened(reason)
                 if str(error) != complaint or now_s - complained_s >= REMIND_EVERY_S:

@@ -4,6 +4,7 @@ Of the published sketches one has no clock and no banner, and one says `Reset Do
 """
 
 from chefbotd.core.record import MutableState, Record
+from chefbotd.core.sentence import Sentence
 
 NEAR_ZERO_COUNTS = 100
 """Counters of a board that has just started are not farther from zero, but for wheels that still roll out."""
@@ -79,9 +80,14 @@ class RestartWatch(MutableState):
         if silent_s < SILENCE_S:
             return None
         if self._said_s is not None and not self._lines_since:
-            return "it said 'Reset Done' and fell silent"
+            return Sentence("board.fell_silent", "it said 'Reset Done' and fell silent")
         if self._is_back_at_zero(counts, silent_s):
-            return f"its counters were near zero, {counts}, after {silent_s:.1f} s of silence"
+            return Sentence(
+                "board.counters_zero",
+                "its counters were near zero, {counts}, after {seconds:.1f} s of silence",
+                counts=counts,
+                seconds=silent_s,
+            )
         return None
 
     def _is_back_at_zero(self, counts: tuple[int, ...], silent_s: float) -> bool:

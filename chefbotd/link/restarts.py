@@ -11,6 +11,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import BoardResetProgressed, BoardRestarted
 from chefbotd.core.record import MutableState, StatefulPart
+from chefbotd.core.sentence import Sentence
 from chefbotd.inputs import ResumableTimer, inputs_of
 from chefbotd.link.board_writer import BoardWriter
 from chefbotd.link.restart_watch import RestartWatch
@@ -105,18 +106,26 @@ def _apart(before: tuple[int, ...], after: tuple[int, ...]) -> int:
 log = structlog.get_logger(component="link")
 
 REASONS = {
-    ResetStage.STOPPING: "waiting until the board confirms the stop and the wheels stand still",
-    ResetStage.ASKED: "the board was told to restart",
-    ResetStage.RESTARTED: "the board has restarted; arm the robot to move it",
+    ResetStage.STOPPING: Sentence(
+        "board.reset_stopping", "waiting until the board confirms the stop and the wheels stand still"
+    ),
+    ResetStage.ASKED: Sentence("board.reset_asked", "the board was told to restart"),
+    ResetStage.RESTARTED: Sentence("board.reset_done", "the board has restarted; arm the robot to move it"),
     ResetStage.NOT_RESTARTED: (
-        "the board answered 'Reset Done' and went on without a restart, as the sketch for the Arduino does: "
-        "nothing was lost and the robot may be driven; to restart it, press its button or pull its cable"
+        Sentence(
+            "board.reset_not",
+            "the board answered 'Reset Done' and went on without a restart, as the sketch for the Arduino does: "
+            "nothing was lost and the robot may be driven; to restart it, press its button or pull its cable",
+        )
     ),
     ResetStage.NO_ANSWER: (
-        "the board has not restarted: the robot may be driven if the board still sends data; otherwise press its button "
-        "or pull its cable"
+        Sentence(
+            "board.reset_no_answer",
+            "the board has not restarted: the robot may be driven if the board still sends data; otherwise press "
+            "its button or pull its cable",
+        )
     ),
-    ResetStage.LINK_LOST: "the link was lost before the board was back",
+    ResetStage.LINK_LOST: Sentence("board.reset_link_lost", "the link was lost before the board was back"),
 }
 LOOK_AGAIN_S = 0.05
 """A port that does not take the request yet is tried again so soon."""

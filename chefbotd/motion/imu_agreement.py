@@ -13,6 +13,7 @@ from msgspec import field
 
 from chefbotd.core.geometry import wrap_angle
 from chefbotd.core.record import MutableState
+from chefbotd.core.sentence import Sentence
 
 TURN_RAD: Final = 0.5
 """A turn by the wheels that is compared; a shorter one says little, as headings come late and are coarse."""
@@ -138,18 +139,24 @@ class ImuAgreement(MutableState):
         share = self.as_read.share
         match self.fault:
             case ImuFault.MIRRORED:
-                return (
-                    f"the IMU shows {share:.2f} of the wheels' turns, the other way: most likely its z axis points down "
-                    "(the configuration of the IMU can say so), or its rates have the other sign. It is left out"
+                return Sentence(
+                    "driving.imu_mirrored",
+                    "the IMU shows {share:.2f} of the wheels' turns, the other way: most likely its z axis "
+                    "points down (the configuration of the IMU can say so), or its rates have the other sign. It "
+                    "is left out",
+                    share=share,
                 )
             case ImuFault.W_FIRST:
-                return (
-                    "the IMU's heading does not follow the wheels' turns, and would if its quaternion were read as "
-                    "w x y z: the sketch must print x y z w. It is left out"
+                return Sentence(
+                    "driving.imu_w_first",
+                    "the IMU's heading does not follow the wheels' turns, and would if its quaternion were read "
+                    "as w x y z: the sketch must print x y z w. It is left out",
                 )
             case ImuFault.SCALE:
-                return (
-                    f"the IMU shows {share:.2f} of every turn of the wheels: its scale is wrong, which a "
-                    "calibration of the IMU finds, or the wheels' track. It is left out"
+                return Sentence(
+                    "driving.imu_scale",
+                    "the IMU shows {share:.2f} of every turn of the wheels: its scale is wrong, which a "
+                    "calibration of the IMU finds, or the wheels' track. It is left out",
+                    share=share,
                 )
         return ""

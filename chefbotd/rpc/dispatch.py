@@ -287,21 +287,46 @@ class Dispatcher:
         """The method, if there is one and the client may call it now."""
         method = self._methods.get(request.method)
         if session.role is None and (method is None or method.role is not None):
-            raise Unserved(ErrorKind.UNAUTHENTICATED, "this robot asks for a token first")
+            raise Unserved(
+                ErrorKind.UNAUTHENTICATED, Sentence("socket.no_token", "this robot asks for a token first")
+            )
         if session.stops_only and (method is None or not method.when_crowded):
             raise Unserved(
                 ErrorKind.TOO_MANY_CLIENTS,
-                f"{session.stops_only}; this connection is reserved for stop and estop",
+                Sentence(
+                    "socket.stops_only",
+                    "{why}; this connection is reserved for stop and estop",
+                    why=session.stops_only,
+                ),
             )
         hurried = method is not None and method.urgent
         if not hurried and not session.admit_request(self._clock.now_s()):
-            raise Unserved(ErrorKind.RATE_LIMITED, "too many requests a second")
+            raise Unserved(ErrorKind.RATE_LIMITED, Sentence("socket.too_often", "too many requests a second"))
         if method is None:
-            raise Unserved(ErrorKind.METHOD_NOT_FOUND, f"no method {request.method!a}")
+            raise Unserved(
+                ErrorKind.METHOD_NOT_FOUND,
+                Sentence("socket.no_method", "no method {method!a}", method=request.method),
+            )
         if session.role is not None and not method.is_allowed(session.role):
-            needed = "is not for guests" if method.role is Role.OBSERVE else f"needs the role {method.role}"
-            raise Unserved(ErrorKind.FORBIDDEN, f"{request.method} {needed}; this client's is {session.role}")
+            raise Unserved(ErrorKind.FORBIDDEN, _why_forbidden(request.method, method.role, session.role))
         return method
+
+
+def _why_forbidden(method: str, needed: Role | None, own: Role) -> Sentence:
+    if needed is Role.OBSERVE:
+        return Sentence(
+            "socket.not_for_guests",
+            "{method} is not for guests; this client's is {role}",
+            method=method,
+            role=str(own),
+        )
+    return Sentence(
+        "socket.role",
+        "{method} needs the role {needed}; this client's is {role}",
+        method=method,
+        needed=str(needed),
+        role=str(own),
+    )
 
 
 def job_name(number: int) -> str:

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any, Final
 
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.encoding import encode
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure, Request
@@ -77,9 +78,19 @@ class Jobs:
         own = self._tasks.get(caller.session, {})
         key: object = request.id if request.wants_answer else object()
         if len(own) >= MAX_JOBS:
-            raise Unserved(ErrorKind.TOO_MANY_JOBS, f"at most {MAX_JOBS} requests of a client run at a time")
+            raise Unserved(
+                ErrorKind.TOO_MANY_JOBS,
+                Sentence(
+                    "socket.too_many_jobs", "at most {most} requests of a client run at a time", most=MAX_JOBS
+                ),
+            )
         if key in own:
-            raise Unserved(ErrorKind.INVALID_REQUEST, f"a request with the id {request.id!a} is running")
+            raise Unserved(
+                ErrorKind.INVALID_REQUEST,
+                Sentence(
+                    "socket.job_runs", "a request with the id {request!a} is running", request=request.id
+                ),
+            )
         task = asyncio.get_running_loop().create_task(
             in_steps(partial(_result, handler, ProgressReporter(caller, request)))
         )
@@ -104,7 +115,10 @@ class Jobs:
         """Cancel a running request of this client. When it has ended, its answer is ``cancelled``."""
         task = self._tasks.get(caller.session, {}).get(params.id)
         if task is None:
-            raise Unserved(ErrorKind.NO_SUCH_JOB, f"no request with the id {params.id!a} is running")
+            raise Unserved(
+                ErrorKind.NO_SUCH_JOB,
+                Sentence("socket.no_job", "no request with the id {request!a} is running", request=params.id),
+            )
         task.cancel()
         return Done()
 

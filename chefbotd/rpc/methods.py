@@ -114,7 +114,7 @@ class ServerMethods:
         session, keyring = caller.session, self._keyring
         role = session.role if keyring is None else keyring.role_of(params.token.get_secret_value())
         if role is None:
-            raise Unserved(ErrorKind.WRONG_TOKEN, "this token is not valid")
+            raise Unserved(ErrorKind.WRONG_TOKEN, Sentence("socket.wrong_token", "this token is not valid"))
         session.show_token(role, None if keyring is None else digest(params.token.get_secret_value()))
         log.info("client_authenticated", client=str(session), role=str(role))
         return models.Authenticated(client=str(session), role=role)
@@ -184,7 +184,15 @@ class ServerMethods:
         topics = self._fanout.topics
         for name in names:
             if name not in topics:
-                raise Unserved(ErrorKind.UNKNOWN_TOPIC, f"no topic {name!a}; there are {', '.join(topics)}")
+                raise Unserved(
+                    ErrorKind.UNKNOWN_TOPIC,
+                    Sentence(
+                        "socket.no_topic",
+                        "no topic {name!a}; there are {others}",
+                        name=name,
+                        others=", ".join(topics),
+                    ),
+                )
 
     def _require_for_guests(self, names: Iterable[str]) -> None:
         for name in names:

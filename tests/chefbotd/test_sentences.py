@@ -10,14 +10,21 @@ import msgspec
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.robot import SafetyChanged
 from chefbotd.core.record import Record, state_line
-from chefbotd.core.sentence import Sentence, join_words, sentence_data, sentence_of
+from chefbotd.core.sentence import (
+    Sentence,
+    join_sentences,
+    join_words,
+    sentence_data,
+    sentence_of,
+    with_sentences,
+)
 from chefbotd.event_classes import encode as encode_event
 from chefbotd.rpc.encoding import encode
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.rpc.method import Unserved
 from chefbotd.safety.gate import not_armed
 from chefbotd.snapshot import encode_state
-from tests.sentences import ROOT, modules, patterns
+from tests.sentences import ROOT, modules, patterns, unnamed_reasons
 
 NO_EVENTS = {
     "components/agents/models.py",
@@ -31,6 +38,11 @@ NO_EVENTS = {
     "safety/latch.py",
 }
 """What encodes what it has made itself, without a sentence."""
+OF_FILES = {
+    "composition/components.py: replace: reason",
+    "settings/sections.py: replace: reason",
+}
+"""What is wrong with the configuration or a plug-in, which is said to whoever writes those."""
 REFERENCE = ROOT.parent / "docs" / "reference" / "refusals.md"
 
 
@@ -140,7 +152,7 @@ def test_what_is_sent_of_a_sentence_is_its_words_and_beside_them_its_id() -> Non
             {"name": "hall", "note": ""},
         ],
         "words": ["bar is far away"],
-        "said": {"reason": FAR_SAID},
+        "said": {"reason": FAR_SAID, "words": [FAR_SAID]},
     }
     assert encode(Trip("off", 1.0)) == b'{"reason":"off","far_m":1.0,"places":[],"words":[]}'
 
@@ -202,3 +214,25 @@ def test_the_log_of_the_gate_keeps_the_reason_where_a_fault_and_a_limit_are_told
     assert text == "disarmed: bar is far away (limited by no_echo) [link_lost]"
     limited = sentence_data(text)["arguments"]["text"]
     assert limited["arguments"]["text"]["arguments"]["reason"] == {"message": FAR, **FAR_SAID}
+
+
+def test_each_reason_and_each_refusal_has_an_id() -> None:
+    """None is put together in English alone, which would stay English within another language's sentence."""
+    assert set(unnamed_reasons()) == OF_FILES
+
+
+def test_of_a_list_of_sentences_each_has_its_id() -> None:
+    """On the way to a client and back; what is none has null there."""
+    sent = json.loads(encode(Trip("off", 1.0, words=("hall", FAR))))
+    assert sent["said"] == {"words": [None, FAR_SAID]}
+    hall, far = with_sentences(sent)["words"]
+    assert (hall, far) == ("hall", FAR)
+    assert (sentence_data(hall), sentence_data(far)) == ({}, FAR_SAID)
+    assert "said" not in with_sentences(sent)
+
+
+def test_sentences_are_joined_as_far_as_there_are_any() -> None:
+    """Empty ones do not count, and one alone is itself."""
+    assert join_sentences(("", "")) == ""
+    assert join_sentences(("", FAR, "")) is FAR
+    assert join_sentences((FAR, "", "off")) == "bar is far away; off"

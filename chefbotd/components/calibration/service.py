@@ -41,7 +41,7 @@ from chefbotd.core.events import BatteryMeasured
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import BatteryLevelStatus
 from chefbotd.core.record import MutableState, StatefulPart, replace
-from chefbotd.core.sentence import Sentence
+from chefbotd.core.sentence import Sentence, join_sentences
 from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.features.feature import Feature
 from chefbotd.inputs import inputs_of
@@ -271,8 +271,10 @@ class CalibrationService(StatefulPart[CalibrationState]):
         apart = "; ".join(_disagreements(before.estimates, result.estimates))
         if not apart:
             return result
-        reason = f"this run does not agree with the one before: {apart}"
-        return replace(result, reason=f"{result.reason}; {reason}" if result.reason else reason)
+        reason = Sentence(
+            "calibration.disagrees", "this run does not agree with the one before: {apart}", apart=apart
+        )
+        return replace(result, reason=join_sentences((result.reason, reason)))
 
     def _take_action(self, action: Action) -> None:
         state = "asking" if isinstance(action, Ask) else "moving"

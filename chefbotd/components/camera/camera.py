@@ -20,6 +20,7 @@ from chefbotd.components.camera.link.source import (
 from chefbotd.components.camera.models import CameraFrame
 from chefbotd.components.camera.parameters import CameraParameters
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.inputs import inputs_of
 
 log = structlog.get_logger(component="camera")
@@ -100,7 +101,13 @@ class Camera:
                         raise CameraLost(self.data.reason)
                     await self._next_change()
         except TimeoutError:
-            raise CameraLost(f"the camera has sent no picture within {wait_s:g} s") from None
+            raise CameraLost(
+                Sentence(
+                    "camera.none_in_time",
+                    "the camera has sent no picture within {seconds:g} s",
+                    seconds=wait_s,
+                )
+            ) from None
         self._note_look()
         age_s = max(self._inputs.now_s() - newest.taken_s, 0.0)
         return CameraFrame(
@@ -134,11 +141,11 @@ class Camera:
         try:
             source = await self._open(self.parameters)
         except CameraLost as lost:
-            return str(lost)
+            return lost.words
         try:
             return await self._read_pictures(source)
         except CameraLost as lost:
-            return str(lost)
+            return lost.words
         finally:
             await source.close()
 
@@ -149,7 +156,11 @@ class Camera:
                 async with asyncio.timeout(patience_s):
                     arrived = await source.read()
             except TimeoutError:
-                return f"its device or program hangs: nothing was heard of it for {patience_s:g} s"
+                return Sentence(
+                    "camera.program_hangs",
+                    "its device or program hangs: nothing was heard of it for {seconds:g} s",
+                    seconds=patience_s,
+                )
             patience_s = self.parameters.silence_timeout_s + OWN_WORDS_S
             self._take_picture(arrived)
         return ""

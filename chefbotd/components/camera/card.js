@@ -2,8 +2,9 @@
 // is not seen is not asked for.
 
 import { $ } from "../../dom.js";
-import { t, translate } from "../../language.js";
+import { figure, t, translate } from "../../language.js";
 import { OwnConnection } from "../../own_connection.js";
+import { plain, told } from "../../words.js";
 
 const HTML = `
   <h2 id="camera-title" data-t="camera.title"></h2>
@@ -82,12 +83,18 @@ export default class Camera {
     if (this.#stamp === null) return;
     const age_s = Math.max(performance.now() / 1000 + this.#clock - this.#stamp, 0);
     this.canvas.classList.toggle("is-old", age_s > OLD_S);
-    $("camera-told").textContent = age_s < VERY_OLD_S ? t("camera.age", { age_s: age_s.toFixed(1) }) : t("camera.old", { age_s: age_s.toFixed(0) });
+    $("camera-told").textContent = age_s < VERY_OLD_S ? t("camera.age", { age_s: figure(age_s, 1) }) : t("camera.old", { age_s: figure(age_s, 0) });
   }
 
-  #tell({ message }) {
+  #tell({ message, data }) {
     this.#stamp = null;
     this.canvas.hidden = true;
-    $("camera-told").textContent = t("camera.none", { why: message.replace(/^no picture: /, "") });
+    $("camera-told").textContent = t("camera.none", { why: whyNot(message, data) });
   }
+}
+
+// Why there is no picture, without the frame of the refusal.
+function whyNot(message, data) {
+  const why = data?.arguments?.why ?? message.replace(/^no picture: /, "");
+  return typeof why === "string" ? plain(why) : told(why);
 }

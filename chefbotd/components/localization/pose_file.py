@@ -134,5 +134,5 @@ class PoseOnDisk:
             self._disk.write(temporary, to_text(pose).encode())
             self._disk.rename(temporary, self._path)
         except OSError as error:
-            return f"the pose cannot be saved: {error}"
+            return Sentence("localization.pose_not_saved", "the pose cannot be saved: {why}", why=error)
         return ""

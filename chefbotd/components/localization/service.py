@@ -31,6 +31,7 @@ from chefbotd.components.worker.service import WorkerService
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.robot import POSE_ENDED, MapPoseUpdated, WorkerReported
 from chefbotd.core.record import MutableState, StatefulPart, replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.features.feature import Feature, Service, Waiting
 from chefbotd.inputs import StatefulEvent, inputs_of
@@ -53,6 +54,13 @@ AWAY: Final = ("restarting", "unavailable", "stopped")
 
 TOLD_EVERY_S: Final = 1.0
 """How often the state is published while nothing of it changes."""
+
+
+def why_not_ready(state: str, reason: str) -> Sentence:
+    """Why there is no pose while there is no worker."""
+    if not reason:
+        return Sentence("worker.not_ready", "the worker is {state}", state=state)
+    return Sentence("worker.not_ready_because", "the worker is {state}: {reason}", state=state, reason=reason)
 
 
 async def _find_nothing_wrong() -> str:
@@ -218,13 +226,24 @@ class LocalizationService(StatefulPart[LocalizationState]):
         if event.renamed_from is None or is_told:
             self.memory.renamed_from = event.renamed_from
         if event.renamed_from is None and before is not None and before.name != event.name:
-            self._end_pose(event.stamp_s, f"the map {event.name} is loaded in place of {before.name}")
+            self._end_pose(
+                event.stamp_s,
+                Sentence(
+                    "localization.other_map",
+                    "the map {map} is loaded in place of {before}",
+                    map=event.name,
+                    before=before.name,
+                ),
+            )
         self._has_told.clear()
         self._has_to_tell.set()
 
     def _take_unloaded(self, event: MapUnloaded) -> None:
         self.memory.map, self.memory.was_unloaded, self.memory.why_no_map = None, True, event.reason
-        self._end_pose(event.stamp_s, event.reason or f"the map {event.name} was deleted")
+        self._end_pose(
+            event.stamp_s,
+            event.reason or Sentence("localization.map_deleted", "the map {map} was deleted", map=event.name),
+        )
         self._has_to_tell.set()
 
     def _take_mapping(self, event: MappingChanged) -> None:
@@ -236,7 +255,7 @@ class LocalizationService(StatefulPart[LocalizationState]):
     def _take_worker(self, event: WorkerReported) -> None:
         """Nobody finds the way while there is no worker: what was known is old."""
         if event.state in AWAY and self.memory.latest is not None and self.memory.latest.state != "unknown":
-            why = f"the worker is {event.state}" + (f": {event.reason}" if event.reason else "")
+            why = why_not_ready(str(event.state), event.reason)
             self._publish_unknown(event.stamp_s, why)
 
     def _take_told(self, event: LocalizationChanged) -> None:

@@ -37,7 +37,7 @@ from chefbotd.core.events.robot import OdometryUpdated
 from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.poses import Floats, compose
 from chefbotd.core.record import replace
-from chefbotd.core.sentence import Sentence
+from chefbotd.core.sentence import Sentence, join_sentences
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
@@ -350,9 +350,7 @@ class LocalizationSkill:
 
     def _reason_told(self) -> str:
         doubt = doubt_sentence(self._now)
-        return "; ".join(
-            filter(None, (self.problem, self._silence.problem, doubt or self._sought, self._reason))
-        )
+        return join_sentences((self.problem, self._silence.problem, doubt or self._sought, self._reason))
 
     @property
     def misfits(self) -> bool:
@@ -362,7 +360,10 @@ class LocalizationSkill:
     def search_again(self, why: str) -> None:
         """Search the whole map for a pose that is uncertain, and because of which nothing goes on."""
         if self._now.state is PoseState.UNCERTAIN:
-            self._now, self._sought = localize(self._now), f"the whole map is searched: {why}"
+            self._now, self._sought = (
+                localize(self._now),
+                Sentence("localization.searched", "the whole map is searched: {why}", why=why),
+            )
 
     def _standing(self) -> LocalizationChanged:
         """How it stands between two scans; ``jumps`` are those since the worker started."""

@@ -144,7 +144,7 @@ class Turning(StatefulPart[TurningState]):
 
     def _go_on(self) -> None:
         if self._driver is None or self.memory.turned_rad >= math.tau:
-            self.end("it has turned once")
+            self.end(Sentence("localization.turned_once", "it has turned once"))
             return
         now_s = self._entries.now_s()
         if why := self._why_not(self._driver, now_s):
@@ -158,13 +158,27 @@ class Turning(StatefulPart[TurningState]):
     def _why_not(self, driver: InnerDriver, now_s: float) -> str:
         """Turn on, or say why not."""
         if driver.stops != self.memory.stops:
-            return f"it turns no more: {driver.source} was stopped by {driver.stopped_by or 'somebody'}"
+            stopped_by = driver.stopped_by or Sentence("localization.somebody", "somebody")
+            return Sentence(
+                "localization.stopped",
+                "it turns no more: {source} was stopped by {by}",
+                source=driver.source,
+                by=stopped_by,
+            )
         if now_s >= self.memory.turns_until_s:
-            return f"it could not turn once within {AT_MOST_S:.0f} s"
+            return Sentence(
+                "localization.no_turn_in_time",
+                "it could not turn once within {seconds:.0f} s",
+                seconds=AT_MOST_S,
+            )
         try:
             driver.drive(TURN, now_s)
         except (Refused, Unserved) as held:
-            return f"it turns no more: {held}"
+            return Sentence(
+                "localization.turns_no_more",
+                "it turns no more: {why}",
+                why=held.words if isinstance(held, Refused) else held,
+            )
         return ""
 
     def _take_odometry(self, event: OdometryUpdated) -> None:
@@ -183,12 +197,17 @@ class Turning(StatefulPart[TurningState]):
             self.memory.was_stopped or has_stopped or event.mode in (Mode.DISARMED, Mode.ESTOPPED)
         )
         if event.mode != ARMED:
-            self.end(f"it turns no more: {why_not_armed(event.mode, event.reason)}")
+            why = why_not_armed(event.mode, event.reason)
+            self.end(Sentence("localization.turns_no_more", "it turns no more: {why}", why=why))
         elif self._driver is not None and self._driver.gives_way_to(event.source):
-            self.end(f"it turns no more, for {event.source} took over")
+            self.end(
+                Sentence(
+                    "localization.taken_over", "it turns no more, for {source} took over", source=event.source
+                )
+            )
 
     def note_goal(self, *, has_goal: bool) -> None:
         """Know whether the robot has a goal: then it does not turn."""
         self.memory.has_goal = has_goal
         if has_goal:
-            self.end("it turns no more, for it has a goal")
+            self.end(Sentence("localization.got_goal", "it turns no more, for it has a goal"))

@@ -40,7 +40,7 @@ from chefbotd.components.maps.storage.disk import MapStoreError
 from chefbotd.components.maps.storage.manifest import Extent
 from chefbotd.components.maps.storage.store import revision_of
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.sentence import Sentence
+from chefbotd.core.sentence import Sentence, join_sentences
 from chefbotd.features.feature import Feature
 from chefbotd.inputs import inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
@@ -195,7 +195,7 @@ class MapEditsService:
         listed = await self._maps.places(name)
         places = {place.name: (place.x_m, place.y_m) for place in listed.places}
         if concerns := await self.examine(edits, places):
-            raise Refused(RefusalKind.NEEDS_CONFIRMATION, "; ".join(concerns))
+            raise Refused(RefusalKind.NEEDS_CONFIRMATION, join_sentences(concerns))
 
 
 def redraw_cells(cells: bytes, extent: Extent, content: bytes) -> bytes:

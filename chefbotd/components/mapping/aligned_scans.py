@@ -18,6 +18,7 @@ from chefbotd.core.events.robot import MapPoseUpdated, OdometryUpdated
 from chefbotd.core.geometry import Pose2D, PoseCovariance
 from chefbotd.core.poses import Floats
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence, join_sentences
 from chefbotd.perception.laser_scan import OdometryTrack, ScanAssembler, joined_points, pose_at
 
 SILENT_S: Final = 2.0
@@ -55,14 +56,22 @@ class Silence:
     def _missing(self, now_s: float, since_s: float) -> str:
         heard_s = max(self.scan_s.values(), default=since_s)
         self.leaves_nothing = now_s - max(min(heard_s, self.odometry_s), since_s) >= SILENT_S
-        waited_s = {
-            **{
-                f"no scan of the lidar {name!r}": now_s - max(at_s, since_s)
-                for name, at_s in self.scan_s.items()
-            },
-            "no odometry": now_s - max(self.odometry_s, since_s),
-        }
-        return "; ".join(f"{what} for {int(s)} s" for what, s in waited_s.items() if s >= SILENT_S)
+        missing = [
+            Sentence(
+                "mapping.no_scan",
+                "no scan of the lidar {name!r} for {seconds} s",
+                name=name,
+                seconds=int(waited_s),
+            )
+            for name, at_s in self.scan_s.items()
+            if (waited_s := now_s - max(at_s, since_s)) >= SILENT_S
+        ]
+        without_s = now_s - max(self.odometry_s, since_s)
+        if without_s >= SILENT_S:
+            missing.append(
+                Sentence("mapping.no_odometry", "no odometry for {seconds} s", seconds=int(without_s))
+            )
+        return join_sentences(missing)
 
 
 KEPT_S: Final = 2.0

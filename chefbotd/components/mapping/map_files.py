@@ -147,8 +147,12 @@ class StartStates:
         if not damage:
             return ""
         if is_found:
-            return f"the newest state of it is damaged ({damage}): an older one is used"
-        return f"{UNREADABLE} ({damage})"
+            return Sentence(
+                "mapping.older_state",
+                "the newest state of it is damaged ({damage}): an older one is used",
+                damage=damage,
+            )
+        return Sentence("mapping.unreadable_state", "{what} ({damage})", what=UNREADABLE, damage=damage)
 
     def to_keep(self, state: SlamState) -> Arrays:
         """An unfinished map as it is saved."""

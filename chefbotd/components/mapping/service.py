@@ -152,7 +152,7 @@ class MappingService(StatefulPart[MappingState]):
         except Refused as problem:
             log.error("mapping cannot continue after a restart of the worker", reason=str(problem))
             if self._worker.is_ready:  # else the next one is asked
-                self._publish_status(MappingChanged(stamp_s=self._clock.now_s(), reason=str(problem)))
+                self._publish_status(MappingChanged(stamp_s=self._clock.now_s(), reason=problem.words))
 
     async def _ask_skill(
         self, request: Start | ResumeMapping | PauseMapping | Discard | GetStatus, deadline_s: float

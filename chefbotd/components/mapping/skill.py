@@ -28,7 +28,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import MapPoseUpdated, OdometryUpdated
 from chefbotd.core.poses import motion_covariance
-from chefbotd.core.sentence import Sentence
+from chefbotd.core.sentence import Sentence, join_sentences
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
@@ -198,7 +198,10 @@ class MappingSkill:
     def _resume(self, request: requests.ResumeMapping) -> MappingChanged:
         beginning = self._start_states.unfinished()
         if beginning is None:
-            self._reason = "the worker ended, and nothing was kept of the map that was being made"
+            self._reason = Sentence(
+                "mapping.nothing_kept",
+                "the worker ended, and nothing was kept of the map that was being made",
+            )
             return self._status()
         self._begin(beginning, request.name)
         self._mode = MappingMode.PAUSED if request.paused else MappingMode.MAPPING
@@ -301,13 +304,17 @@ class MappingSkill:
             path_m=way_m(state),
             scans=self._scans,
             unfinished=unfinished,
-            reason="; ".join(filter(None, (self._silence.problem, self._mount_problem(), self._reason))),
+            reason=join_sentences((self._silence.problem, self._mount_problem(), self._reason)),
             warning=warning,
         )
 
     def _mount_problem(self) -> str:
         problem = mount_problem(self._mount, self._parameters.lidars)
-        return f"{problem}; mend that, and begin the map again" if problem else ""
+        return (
+            Sentence("mapping.mend_mount", "{problem}; mend that, and begin the map again", problem=problem)
+            if problem
+            else ""
+        )
 
 
 def _with_progress(

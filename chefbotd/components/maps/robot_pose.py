@@ -49,11 +49,15 @@ class RobotPose:
         """
         pose = self._pose
         if (self.mapped if self.is_mapping else in_use) != of_map:
-            why = "another map is being made" if self.is_mapping else "another map is in use"
+            why = (
+                Sentence("maps.other_made", "another map is being made")
+                if self.is_mapping
+                else Sentence("maps.other_used", "another map is in use")
+            )
         elif pose is None or pose.state == POSE_ENDED or now_s - pose.stamp_s > MOST_AGE_S:
-            why = "nothing tells it at present"
+            why = Sentence("maps.nothing_tells", "nothing tells it at present")
         elif pose.state not in SURE:
-            why = f"it is {pose.state}".replace("_", " ")
+            why = Sentence("maps.pose_is", "it is {state}", state=pose.state.replace("_", " "))
         else:
             return pose.map_from_base
         raise MapStoreError(

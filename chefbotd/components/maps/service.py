@@ -1,7 +1,7 @@
 """The stored maps, in the daemon: the map in use, and every change in order, none of it in the event loop's time."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -52,7 +52,7 @@ from chefbotd.components.worker.watch import WorkerState, took_too_much, was_too
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import wrap_angle
-from chefbotd.core.sentence import Sentence
+from chefbotd.core.sentence import Sentence, join_sentences
 from chefbotd.features.feature import Feature, Service
 from chefbotd.inputs import inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
@@ -131,7 +131,12 @@ class MapsService:
                 )
             except MapStoreError as problem:
                 log.error("cannot remember that a map ended the worker", map=name, error=str(problem))
-            why = f"the map {name} is not used any more, as it ended the worker: {reason}"
+            why = Sentence(
+                "maps.ended_worker",
+                "the map {map} is not used any more, as it ended the worker: {why}",
+                map=name,
+                why=reason,
+            )
             log.error("a map ended the worker", map=name, reason=reason)
             self.in_use = None
             self._entries.observe(self._bus, MapUnloaded(self._clock.now_s(), name, why))
@@ -154,7 +159,12 @@ class MapsService:
                     log.error(
                         "the map is not loaded by itself; load_map tries it again", map=name, reason=why
                     )
-                    reason = f"the map {name} is not loaded by itself, because its {why}"
+                    reason = Sentence(
+                        "maps.not_loaded",
+                        "the map {map} is not loaded by itself, because its {why}",
+                        map=name,
+                        why=why,
+                    )
                     self._entries.observe(self._bus, MapUnloaded(self._clock.now_s(), name, reason))
                     return
                 await self._use(name)
@@ -195,7 +205,7 @@ class MapsService:
                 used = await self._use(name, resolution_is_right=resolution_is_right)
                 before = await self._why_not_again(name, used.version)
             problem = "" if self.made_ready is None else await self._make_ready(self.made_ready, tell)
-        warning = "; ".join(filter(None, (ignored, used.warning, before, problem))) or None
+        warning = join_sentences((ignored or "", used.warning or "", before or "", problem)) or None
         return replace(used, warning=warning)
 
     async def _make_ready(self, made_ready: Callable[[Report], Awaitable[str]], tell: Report) -> str:
@@ -229,7 +239,7 @@ class MapsService:
         await self._changing(self.store.set_current, name)
         self.in_use, self._version_in_use = name, version.manifest.version
         self._announce(name, version)
-        warning = "; ".join(f"version {number}: {why}" for number, why in damage.items()) or None
+        warning = join_sentences(_damage_words(damage)) or None
         return MapInUse(name=name, version=version.manifest.version, warning=warning)
 
     def _require_usable(self, name: str, version: Version, *, resolution_is_right: bool) -> None:
@@ -238,7 +248,7 @@ class MapsService:
         if not resolution_is_right and (doubt := why_doubtful(extent)):
             doubt += ": is that meant? Correct the YAML file and import it again, or say as you load it that it is right"
         too_large = "" if most_mb is None else why_too_large(extent, most_mb)
-        if reason := "; ".join(filter(None, (doubt, too_large))):
+        if reason := join_sentences((doubt, too_large)):
             raise MapStoreError(
                 RefusalKind.OUT_OF_RANGE,
                 Sentence("maps.not_used", "the map {map!r} is not used: {why}", map=name, why=reason),
@@ -477,3 +487,10 @@ def maps(service: MapsService) -> Feature:
     return Feature(
         "maps", services=(Service("maps", service.run),), methods=methods_of(service), offers=service
     )
+
+
+def _damage_words(damage: Mapping[int, str]) -> list[str]:
+    return [
+        Sentence("maps.version_because", "version {number}: {why}", number=number, why=why)
+        for number, why in damage.items()
+    ]

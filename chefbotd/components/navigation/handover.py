@@ -5,6 +5,7 @@ from typing import Final
 
 from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.record import MutableState
+from chefbotd.core.sentence import Sentence
 from chefbotd.inputs import InputLog, ResumableTimer
 
 MOST_WORKERS: Final = 5
@@ -42,12 +43,19 @@ class Handover:
     def wait(self, event: WorkerReported) -> bool:
         """The worker is away: wait for the next one. False where the goals were given up."""
         if event.state == "unavailable":
-            self._give_up(f"the worker is not available: {event.reason}")
+            self._give_up(
+                Sentence("navigation.no_worker", "the worker is not available: {why}", why=event.reason)
+            )
             return False
         self._memory.workers_lost += 1
         if self._memory.workers_lost >= MOST_WORKERS:
             self._give_up(
-                f"{self._memory.workers_lost} workers ended on the way to it, the last: {event.reason}"
+                Sentence(
+                    "navigation.workers_ended",
+                    "{count} workers ended on the way to it, the last: {why}",
+                    count=self._memory.workers_lost,
+                    why=event.reason,
+                )
             )
             return False
         self._memory.must_tell_goals = True

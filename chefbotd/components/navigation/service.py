@@ -19,6 +19,7 @@ from chefbotd.components.localization.events import LocalizationChanged
 from chefbotd.components.maps.events import MapLoaded
 from chefbotd.components.navigation import skill_requests as messages
 from chefbotd.components.navigation.algorithms.arrival import ArrivalData
+from chefbotd.components.navigation.algorithms.states import cancelled, cancelled_before, failed
 from chefbotd.components.navigation.events import (
     ArrivalChanged,
     GoalCause,
@@ -47,7 +48,7 @@ from chefbotd.core.events import ClientDisconnected, SafetyChanged
 from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.record import StatefulPart, replace
-from chefbotd.core.sentence import Sentence
+from chefbotd.core.sentence import Sentence, sentence_data
 from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.inputs import inputs_of
 from chefbotd.rpc.method import Unserved
@@ -60,8 +61,8 @@ SHORT_S: Final = 20.0
 """For what is a moment's work in the worker, though it may be at something else."""
 
 ARMED: Final = "armed"
-REPLACED: Final = "cancelled: a new goal replaced it"
-NO_REQUEST: Final = "the request that waited for it was cancelled"
+REPLACED: Final = cancelled(Sentence("navigation.replaced", "a new goal replaced it"))
+NO_REQUEST: Final = Sentence("navigation.no_request", "the request that waited for it was cancelled")
 
 
 class NavigationState(HandoverState):
@@ -269,14 +270,14 @@ class NavigationService(StatefulPart[NavigationState]):
         """Stand until ``resume``; without a goal nothing happens."""
         self._driver.let_go()
         if self._goals.active:
-            self.memory.paused = f"paused by {by}"
-            self._requests.put(messages.Pause(self.memory.paused))
+            self.memory.paused = Sentence("navigation.paused_by", "paused by {by}", by=by)
+            self._requests.put(_pause(self.memory.paused))
 
     def resume(self) -> None:
         """Go on, as soon as nobody else drives."""
         self._end_if_stopped()
         self.memory.paused = ""
-        self._driver.begin(self._driver.stop_number, "this was asked for")
+        self._driver.begin(self._driver.stop_number, Sentence("navigation.asked_for", "this was asked for"))
         if not self.memory.is_taken_over:
             self._requests.put(messages.Resume())
 
@@ -285,7 +286,11 @@ class NavigationService(StatefulPart[NavigationState]):
         if self._driver.stops != self.memory.stops:
             self.memory.stops = self._driver.stops
             by = self._driver.stopped_by or "somebody"
-            self.cancel(f"{self._driver.source} was stopped by {by}", GoalCause.STOPPED, by)
+            self.cancel(
+                source_stopped(self._driver.source, by),
+                GoalCause.STOPPED,
+                by,
+            )
 
     # what the worker tells
 
@@ -319,13 +324,13 @@ class NavigationService(StatefulPart[NavigationState]):
         try:
             self._driver.drive(twist, wished_s)
         except Unserved as held:
-            self.cancel(str(held), GoalCause.CONTROL_LOST, str(held.details.get("holder", "")))
+            self.cancel(held.words, GoalCause.CONTROL_LOST, str(held.details.get("holder", "")))
         except Refused as refusal:
             is_stopped = refusal.kind is RefusalKind.STOPPED
             end, cause = ("cancelled", GoalCause.STOPPED) if is_stopped else ("fault", GoalCause.REFUSED)
             self._driver.let_go()
             by = self._driver.stopped_by if is_stopped else ""
-            self._end_goals(end, str(refusal).partition(": let go")[0], cause, by)
+            self._end_goals(end, _why_refused(refusal), cause, by)
 
     # what happens
 
@@ -348,16 +353,20 @@ class NavigationService(StatefulPart[NavigationState]):
             why = self._why_taken_over()
             if not self.section.resume_after_takeover:
                 self.memory.paused = self.memory.paused or why
-            self._requests.put(messages.Pause(why))
+            self._requests.put(_pause(why))
         else:
-            self._requests.put(
-                messages.Pause(self.memory.paused) if self.memory.paused else messages.Resume()
-            )
+            self._requests.put(_pause(self.memory.paused) if self.memory.paused else messages.Resume())
 
     def _why_taken_over(self) -> str:
         source = None if self.memory.safety is None else self.memory.safety.source
-        goes_on = "" if self.section.resume_after_takeover else "; it goes on when somebody resumes it"
-        return f"paused, because {source or 'another source'} has control{goes_on}"
+        driver = source or Sentence("navigation.another_source", "another source")
+        if self.section.resume_after_takeover:
+            return Sentence("navigation.taken_over", "paused, because {source} has control", source=driver)
+        return Sentence(
+            "navigation.taken_over_until",
+            "paused, because {source} has control; it goes on when somebody resumes it",
+            source=driver,
+        )
 
     def _take_worker(self, event: WorkerReported) -> None:
         if event.state not in AWAY or not self._goals.active:
@@ -368,7 +377,9 @@ class NavigationService(StatefulPart[NavigationState]):
             return
         if was_told:
             self._bus.publish(PathChanged(stamp_s=self._clock.now_s()))
-        why = f"waits until its worker is back: {event.reason}"
+        why = Sentence(
+            "navigation.waits_for_worker", "waits until its worker is back: {why}", why=event.reason
+        )
         self._reporting.report("paused", next(iter(self._goals.active)), why)
 
     def _end_worker_lost(self, why: str) -> None:
@@ -387,20 +398,30 @@ class NavigationService(StatefulPart[NavigationState]):
             return
         self._handover.wait_no_more()
         if event.map != self.memory.map:
-            why = f"the goals are on the map {self.memory.map!a}, which is no longer in use"
-            why = f"{why}: {event.reason}" if event.reason else why
+            why = Sentence(
+                "navigation.other_map",
+                "the goals are on the map {map!a}, which is no longer in use",
+                map=self.memory.map or "",
+            )
+            if event.reason:
+                why = Sentence("navigation.because", "{what}: {why}", what=why, why=event.reason)
             self._end_goals("fault", why, GoalCause.MAP_CHANGED)
             return
         self._requests.put(messages.NavigateTo(tuple(self._goals.active.values()), queue=False))
         if self.memory.paused or self.memory.is_taken_over:
-            self._requests.put(messages.Pause(self.memory.paused or self._why_taken_over()))
+            self._requests.put(_pause(self.memory.paused or self._why_taken_over()))
 
     # how goals end
 
     def _take_client_left(self, event: ClientDisconnected) -> None:
         """The goals end that are to end with this client."""
         goals = list(self._goals.active)
-        self._end_those_of(event.client, goals, "its client has left", GoalCause.CLIENT_LEFT)
+        self._end_those_of(
+            event.client,
+            goals,
+            Sentence("navigation.client_left", "its client has left"),
+            GoalCause.CLIENT_LEFT,
+        )
 
     def _end_given_up(self, client: int, goals: Sequence[int]) -> None:
         """The goals end whose request was cancelled."""
@@ -420,12 +441,12 @@ class NavigationService(StatefulPart[NavigationState]):
         ending = active if first is None else active[active.index(first) :]
         if not ending:
             return
-        follows = (
-            f"{end}: {why}" if end == "cancelled" else f"cancelled: goal {ending[0]} before it ended {end}"
-        )
+        follows = cancelled(why) if end == "cancelled" else cancelled_before(ending[0], end)
         for number in reversed(ending[1:]):
             self._end(GoalResult(number, "cancelled", follows, GoalCause.EARLIER_GOAL, by))
-        self._end(GoalResult(ending[0], end, f"{end}: {why}", cause, by))
+        self._end(
+            GoalResult(ending[0], end, cancelled(why) if end == "cancelled" else failed(why), cause, by)
+        )
         self._tell_which_are_left()
 
     def _tell_which_are_left(self) -> None:
@@ -442,3 +463,21 @@ class NavigationService(StatefulPart[NavigationState]):
             self._handover.forget_losses()
             log.info("goal ended", goal=ended.goal, end=ended.end, reason=ended.reason)
             self._reporting.report(ended.end or "", ended.goal, ended.reason, cause=ended.cause)
+
+
+def _pause(why: str) -> messages.Pause:
+    return messages.Pause(why, sentence_data(why))
+
+
+def _why_refused(refusal: Refused) -> str:
+    """Without what to do about it: of a stop only who has stopped the source."""
+    words = refusal.words
+    if isinstance(words, Sentence) and words.sentence_id == "driving.stopped_by":
+        source, by = words.arguments["source"], words.arguments["stopped_by"]
+        return source_stopped(str(source), str(by))
+    return words
+
+
+def source_stopped(source: str, by: str) -> Sentence:
+    """Why a goal ends that somebody has stopped."""
+    return Sentence("navigation.source_stopped", "{source} was stopped by {by}", source=source, by=by)

@@ -53,7 +53,7 @@ from chefbotd.core.record import replace
 if TYPE_CHECKING:
     from chefbotd.clock import Clock
 from chefbotd.components.worker.skill import Job, Skill, Struct
-from chefbotd.core.sentence import Sentence
+from chefbotd.core.sentence import Sentence, sentence_of
 
 MOST_AGE_S: Final = 1.5
 """With odometry that is older nobody knows where the robot is.
@@ -161,7 +161,7 @@ class NavigationSkill:
             case requests.KeepGoals() as request:
                 navigator.keep([mine for mine, theirs in self._numbers.items() if theirs in request.numbers])
             case requests.Pause() as request:
-                navigator.pause(request.reason)
+                navigator.pause(sentence_of(request.reason, request.said))
             case requests.Resume():
                 navigator.resume()
             case requests.PlanTo() as request:
@@ -207,7 +207,11 @@ class NavigationSkill:
                 return none
             x_m, y_m, heading_rad = near.x_m, near.y_m, near.heading_rad
             return replace(none, nearest_x_m=x_m, nearest_y_m=y_m, nearest_heading_rad=heading_rad)
-        reason = "the nearest free place within the tolerance" if path.is_substitute else ""
+        reason = (
+            Sentence("navigation.substitute", "the nearest free place within the tolerance")
+            if path.is_substitute
+            else ""
+        )
         time_s = self._navigator.time_s(path, pose)
         return PlanResult(True, reason, path.length_m, time_s, *_points(path))
 
@@ -250,8 +254,13 @@ class NavigationSkill:
             self._stuck_since_s = now_s
         elif now_s - self._stuck_since_s >= STUCK_S:
             self._stuck_since_s = None
-            what = "has come to its goal by" if has_come else "finds no way from"
-            finder.search_again(f"the robot {what} a pose that is uncertain")
+            at_goal = Sentence(
+                "navigation.unsure_at_goal", "the robot has come to its goal by a pose that is uncertain"
+            )
+            no_way = Sentence(
+                "navigation.unsure_no_way", "the robot finds no way from a pose that is uncertain"
+            )
+            finder.search_again(at_goal if has_come else no_way)
 
     def _pose(self, now_s: float) -> tuple[Pose2D | None, PoseStatus]:
         """Where the robot is in the map, by the newest odometry."""

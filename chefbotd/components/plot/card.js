@@ -3,7 +3,7 @@
 
 import { $, element } from "../../dom.js";
 import { keep, kept } from "../../kept.js";
-import { t, translate } from "../../language.js";
+import { figure, t, translate } from "../../language.js";
 import { OwnConnection } from "../../own_connection.js";
 import { draw, short } from "./drawing.js";
 import { Line, numbersIn } from "./lines.js";
@@ -102,7 +102,7 @@ export default class Plot {
   }
 
   #thenWords() {
-    return this.#cursor === null ? t("plot.now") : t("plot.ago", { seconds: this.#cursor.toFixed(1) });
+    return this.#cursor === null ? t("plot.now") : t("plot.ago", { seconds: figure(this.#cursor, 1) });
   }
 
   #add() {

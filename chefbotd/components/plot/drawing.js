@@ -1,5 +1,7 @@
 // Draws lines over time on a canvas. Lines of one unit share a scale; each unit has its own.
 
+import { figure } from "../../language.js";
+
 const COLOURS = ["--accent", "--scan", "--good", "--warn"];
 const DASHES = [[], [7, 4], [2, 3], [9, 3, 2, 3]];
 const [MARGIN, LABEL] = [6, 12];
@@ -82,5 +84,5 @@ export function short(value) {
   if (value === null) return "–";
   const size = Math.abs(value);
   if (size >= 1e6 || (size > 0 && size < 1e-4)) return value.toExponential(2);
-  return value.toFixed(size >= 1000 ? 0 : size >= 100 ? 1 : size >= 1 ? 2 : 4);
+  return figure(value, size >= 1000 ? 0 : size >= 100 ? 1 : size >= 1 ? 2 : 4);
 }

@@ -1,7 +1,7 @@
 // The recorder: whether it records, and what is kept in memory, to be saved after something has happened.
 
 import { $, text } from "../../dom.js";
-import { t, translate } from "../../language.js";
+import { figure, t, translate } from "../../language.js";
 import { full, plain, sentence } from "../../words.js";
 
 const HTML = `
@@ -41,9 +41,9 @@ export default class Recorder {
   }
 
   #show({ state, file, seconds, bytes_written, ring_s, free_bytes, reason }) {
-    const free = free_bytes === null ? "" : ` ${t("recording.free", { gigabytes: (free_bytes / 1e9).toFixed(1) })}`;
+    const free = free_bytes === null ? "" : ` ${t("recording.free", { gigabytes: figure(free_bytes / 1e9, 1) })}`;
     const now = state === "recording"
-      ? t("recording.now", { file, length: length(seconds), megabytes: (bytes_written / 1e6).toFixed(1) }) + free
+      ? t("recording.now", { file, length: length(seconds), megabytes: figure(bytes_written / 1e6, 1) }) + free
       : `${t("recording.not_now")}${reason ? ` ${full(sentence(plain(reason)))}` : ""}`;
     const kept = ring_s > 0 ? ` ${t("recording.kept", { length: length(ring_s) })}` : "";
     text("recorder", now + kept);

@@ -155,9 +155,11 @@ class RecordingFolder:
         """What to say of a disk with so much left; None: it has room."""
         if free_bytes >= self._parameters.min_free_mb * MEGABYTE:
             return None
-        return (
-            f"only {free_bytes / MEGABYTE:.0f} MB of the disk are free, "
-            f"and {self._parameters.min_free_mb:g} MB must stay free"
+        return Sentence(
+            "recording.disk_full",
+            "only {free_mb:.0f} MB of the disk are free, and {least_mb:g} MB must stay free",
+            free_mb=free_bytes / MEGABYTE,
+            least_mb=self._parameters.min_free_mb,
         )
 
     def make_room(self, current: Path | None) -> int:

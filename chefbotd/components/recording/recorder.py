@@ -284,8 +284,11 @@ class Recorder:
     def _fail(self, error: OSError) -> None:
         """The disk does not take it: what is whole stays, and recording ends."""
         file, self._file = self._file, None
-        name = "the recording" if file is None else file.path.name
-        self._end_for(f"{name} has ended: {explain(error)}", full=error.errno in FULL)
+        name = Sentence("recording.the_recording", "the recording") if file is None else file.path.name
+        self._end_for(
+            Sentence("recording.has_ended", "{name} has ended: {why}", name=name, why=explain(error)),
+            full=error.errno in FULL,
+        )
         if file is not None:
             try:
                 file.abandon()
@@ -295,7 +298,11 @@ class Recorder:
     def _end_for(self, problem: str, *, full: bool) -> None:
         """Recording has ended; an automatic one goes on when a full disk has room again."""
         self._waits_for_room = full and self._is_automatic
-        reason = f"{problem}; a new file begins when it has room" if self._waits_for_room else problem
+        reason = (
+            Sentence("recording.begins_again", "{why}; a new file begins when it has room", why=problem)
+            if self._waits_for_room
+            else problem
+        )
         self.status = replace(self.status, state="failed", reason=reason)
 
     def _abandon_file(self, file: "RecordingFile") -> None:

@@ -25,6 +25,7 @@ from chefbotd.components.recording.recorder_thread import DISK_PATIENCE_S, Recor
 from chefbotd.components.recording.status import AUTOMATIC, RecordingError
 from chefbotd.core.events import LinkNotOpened, LinkOpened, SafetyChanged
 from chefbotd.core.events.robot import RecordingChanged
+from chefbotd.core.sentence import Sentence
 from chefbotd.features.feature import Feature, Service
 from chefbotd.inputs import inputs_of
 from chefbotd.metrics import Metrics
@@ -58,7 +59,9 @@ STATE_EVERY_S = 20.0
 FLUSH_TIMEOUT_S = 1.0
 """How long the daemon's end waits for the end of the file."""
 
-DISK_HANGS = "the disk does not answer: events will be lost when the buffer is full"
+DISK_HANGS = Sentence(
+    "recording.disk_hangs", "the disk does not answer: events will be lost when the buffer is full"
+)
 FAULTS_APART_S = 10.0
 REPEATED_ELSEWHERE = frozenset({"LineSeen"})
 """Events that are not recorded, because the recorded bytes of the links contain every line."""

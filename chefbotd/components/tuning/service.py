@@ -103,7 +103,12 @@ class TuningService(StatefulPart[TuningState]):
             for name, gains in before.items()
         }
         if expected := self._expected_of_limits(after):
-            reason = f"output_limit={changes['output_limit']!r}: expected {expected}"
+            reason = Sentence(
+                "tuning.output_limit",
+                "output_limit={value!r}: expected {expected}",
+                value=changes["output_limit"],
+                expected=expected,
+            )
             raise Refused(RefusalKind.OUT_OF_RANGE, reason)
         if after != before:
             self._wheels.retune(after)
@@ -139,10 +144,8 @@ def _change_gains(old: PidParameters, changes: Mapping[str, object]) -> PidParam
     try:
         return PidParameters.model_validate(old.model_dump() | dict(changes))
     except ValidationError as error:
-        reason = "; ".join(
-            f"{'.'.join(map(str, e['loc']))}={e['input']!r}: {e['msg']}" for e in error.errors()
-        )
-        raise Refused(RefusalKind.OUT_OF_RANGE, reason) from error
+        why = "; ".join(f"{'.'.join(map(str, e['loc']))}={e['input']!r}: {e['msg']}" for e in error.errors())
+        raise Refused(RefusalKind.OUT_OF_RANGE, Sentence("tuning.invalid", "{why}", why=why)) from error
 
 
 def tuning(service: TuningService) -> Feature:

@@ -21,6 +21,7 @@ from chefbotd.components.worker.messages import (
     decode_message,
     frame_message,
 )
+from chefbotd.core.sentence import Sentence
 
 READ_BYTES: Final = 1 << 15
 """At most so much is read in one turn of the loop."""
@@ -28,7 +29,7 @@ READ_BYTES: Final = 1 << 15
 KERNEL_BYTES: Final = 1 << 15
 """What the kernel may hold of unread messages: a few scans. What lies there can no longer give way."""
 
-CLOSED: Final = "it closed its socket"
+CLOSED: Final = Sentence("worker.closed", "it closed its socket")
 
 
 class Channel:
@@ -64,7 +65,7 @@ class Channel:
         if self._spare_bytes > self._most_bytes:
             self._make_room()
         if self._queued_bytes > MOST_BYTES + self._most_bytes:
-            self._end_channel("it does not read what it is asked")
+            self._end_channel(Sentence("worker.does_not_read", "it does not read what it is asked"))
             return
         if not self._scheduled and not self._writing:
             self._scheduled = True
@@ -136,7 +137,7 @@ class Channel:
                 if self._closed:
                     return
         except NotAMessage as garbage:
-            self._end_channel(f"it sent what is no message: {garbage}")
+            self._end_channel(Sentence("worker.no_message", "it sent what is no message: {why}", why=garbage))
 
     def _end_channel(self, reason: str) -> None:
         if not self._closed:

@@ -310,7 +310,10 @@ class Worker(StatefulPart[WorkerMemory]):
                 with self._clock.entry(partial(_make_event, message)):
                     self.take_of_skill(message)
             case messages.Warming():
-                self._set(WorkerTransition.WARMING, reason=f"loading {message.skill}")
+                self._set(
+                    WorkerTransition.WARMING,
+                    reason=Sentence("worker.loading", "loading {skill}", skill=message.skill),
+                )
             case messages.Ready():
                 if self._set(WorkerTransition.READY, reason=""):
                     self._vitals = replace(
@@ -338,12 +341,26 @@ class Worker(StatefulPart[WorkerMemory]):
             self._hand_to_stranger(message, listener)
             return
         if listener is None:
-            self._mark_ended(f"its skill {message.skill!r} tells what nobody knows: {message.kind!r}")
+            self._mark_ended(
+                Sentence(
+                    "worker.unknown_event",
+                    "its skill {skill!r} tells what nobody knows: {kind!r}",
+                    skill=message.skill,
+                    kind=message.kind,
+                )
+            )
             return
         try:
             listener(message.body)
         except ValueError as error:
-            self._mark_ended(f"its skill {message.skill} sent what is no message: {error}")
+            self._mark_ended(
+                Sentence(
+                    "worker.skill_no_message",
+                    "its skill {skill} sent what is no message: {why}",
+                    skill=message.skill,
+                    why=error,
+                )
+            )
 
     def _hand_to_stranger(
         self, message: messages.SkillEvent, listener: Callable[[bytes], None] | None
@@ -361,7 +378,14 @@ class Worker(StatefulPart[WorkerMemory]):
         """Go on to the next state; a worker that tells what cannot be is not believed."""
         state = NEXT.get((self.memory.status.state, happened))
         if state is None:
-            self._mark_ended(f"it says that it is {happened} while it is {self.memory.status.state}")
+            self._mark_ended(
+                Sentence(
+                    "worker.impossible",
+                    "it says that it is {happened} while it is {state}",
+                    happened=happened,
+                    state=self.memory.status.state,
+                )
+            )
             return False
         self._report_status(replace(self.memory.status, state=state, **fields))
         return True

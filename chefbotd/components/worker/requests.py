@@ -87,7 +87,13 @@ class Requests(StatefulValue[int]):
     def why_late(self, now_s: float) -> str | None:
         """What to say of a worker that has not answered in time; None: it has."""
         late = next((pending for pending in self._pending.values() if now_s > pending.due_s), None)
-        return None if late is None else f"it did not answer a request within {late.deadline_s:g} s"
+        return (
+            None
+            if late is None
+            else Sentence(
+                "worker.too_slow", "it did not answer a request within {seconds:g} s", seconds=late.deadline_s
+            )
+        )
 
     def postpone(self, by_s: float) -> None:
         """The daemon itself slept for so long: each may take that much longer."""

@@ -17,7 +17,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured
 from chefbotd.core.record import Record
-from chefbotd.core.sentence import sentence_data
+from chefbotd.core.sentence import Sentence, sentence_data
 from chefbotd.extras import how_to_add_extra
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
@@ -193,9 +193,14 @@ class Runner:
     def _begin_request(self, request: messages.SkillRequest) -> Iterator[FromWorker]:
         skill = self._skills.get(request.skill)
         if skill is None:
-            reason = f"the worker has no skill {request.skill!r}"
+            reason = Sentence("worker.no_skill", "the worker has no skill {skill!r}", skill=request.skill)
             if why := self._left_out.get(request.skill):
-                reason = f"the skill {request.skill!r} is left out: {why}"
+                reason = Sentence(
+                    "worker.skill_left_out",
+                    "the skill {skill!r} is left out: {why}",
+                    skill=request.skill,
+                    why=why,
+                )
             yield messages.Failed(request.id, RefusalKind.WORKER_UNAVAILABLE, reason)
             return
         self._begin_work(f"{request.skill}: a request")

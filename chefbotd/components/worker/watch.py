@@ -6,6 +6,7 @@ from typing import Final
 
 from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence
 
 
 class WorkerState(StrEnum):
@@ -118,18 +119,43 @@ def why_to_kill(
     """Which bound the worker breaks, in words, or None; ``allowed_s`` is what its present work may take."""
     starting = state in (WorkerState.STARTING, WorkerState.WARMING)
     if rss_mb is not None and rss_mb > parameters.max_memory_mb:
-        return f"it took {rss_mb:.0f} MB of memory; {parameters.max_memory_mb:g} MB are allowed"
+        return Sentence(
+            "worker.took_memory",
+            "it took {rss_mb:.0f} MB of memory; {most_mb:g} MB are allowed",
+            rss_mb=rss_mb,
+            most_mb=parameters.max_memory_mb,
+        )
     if starting and _starts_too_long(vitals, now_s - vitals.spawned_s, parameters.start_timeout_s):
-        return f"it was not ready within {parameters.start_timeout_s:g} s"
+        return Sentence(
+            "worker.not_ready_in_time",
+            "it was not ready within {seconds:g} s",
+            seconds=parameters.start_timeout_s,
+        )
     heard_s = max(vitals.heard_s, vitals.worked_s) if starting else vitals.heard_s
     silent_s, most_s = now_s - heard_s, parameters.silence_timeout_s
     if silent_s > (max(FIRST_WORD_S, most_s) if state is WorkerState.STARTING else most_s):
-        return f"it was silent for {silent_s:.1f} s ({most_s:g} s are allowed)"
+        return Sentence(
+            "worker.silent",
+            "it was silent for {silent_s:.1f} s ({most_s:g} s are allowed)",
+            silent_s=silent_s,
+            most_s=most_s,
+        )
     if not starting and vitals.busy_s > allowed_s:
-        return f"it was busy with {vitals.doing or 'something'} for {vitals.busy_s:.1f} s, {allowed_s:g} s are allowed"
+        return Sentence(
+            "worker.busy",
+            "it was busy with {doing} for {busy_s:.1f} s, {allowed_s:g} s are allowed",
+            doing=vitals.doing or "something",
+            busy_s=vitals.busy_s,
+            allowed_s=allowed_s,
+        )
     passed_s = max(now_s - vitals.checked_s, 1e-3)
     if vitals.messages > MOST_MESSAGES_A_SECOND * max(passed_s, 1.0):
-        return f"it sent {vitals.messages} messages within {passed_s:.1f} s"
+        return Sentence(
+            "worker.floods",
+            "it sent {messages} messages within {passed_s:.1f} s",
+            messages=vitals.messages,
+            passed_s=passed_s,
+        )
     return None
 
 

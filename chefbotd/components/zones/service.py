@@ -36,7 +36,7 @@ from chefbotd.components.zones.zone_file import (
     write_zones,
 )
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.sentence import Sentence
+from chefbotd.core.sentence import Sentence, join_sentences
 from chefbotd.features.feature import Feature
 from chefbotd.inputs import inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
@@ -168,7 +168,7 @@ class ZonesService:
             listed = await self._maps.places(name)
             places = {place.name: (place.x_m, place.y_m) for place in listed.places}
             if concerns := await self.examine(new, places):
-                raise Refused(RefusalKind.NEEDS_CONFIRMATION, "; ".join(concerns))
+                raise Refused(RefusalKind.NEEDS_CONFIRMATION, join_sentences(concerns))
         saved = await self._replace(name, content, new, keeps_before=not continued)
         self._parsed = (new, zones)
         return saved

@@ -7,6 +7,7 @@ from msgspec import Meta
 from chefbotd.core import events
 from chefbotd.core.events import Direction
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 from chefbotd.rpc.topics import Topic, same_names
 
 
@@ -111,7 +112,7 @@ def link_data(event: LinkEvent | None) -> LinkData:
             )
         case events.LinkNotOpened() | events.LinkClosed():
             return LinkData(state="down", device=event.device, reason=event.reason)
-    return LinkData(state="down", device="", reason="not opened yet")
+    return LinkData(state="down", device="", reason=Sentence("board.not_opened_yet", "not opened yet"))
 
 
 def _raw(event: events.LineSeen) -> RawData:

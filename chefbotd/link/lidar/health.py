@@ -5,6 +5,7 @@ from enum import StrEnum
 from msgspec import field
 
 from chefbotd.core.record import MutableState, Record
+from chefbotd.core.sentence import Sentence
 from chefbotd.link.health import show
 from firmware_protocol.lidar import ld19, rplidar
 
@@ -100,15 +101,25 @@ def judge(
     """
     if new.awaits_scan and not complaint:
         return LidarHealth(
-            LidarCondition.MOTOR_STALLED, "it answers, but sends no scan: does its motor turn?"
+            LidarCondition.MOTOR_STALLED,
+            Sentence("lidar.no_scan", "it answers, but sends no scan: does its motor turn?"),
         )
     if quiet_s >= QUIET_S and not new.turns:
-        reason = (
-            f"nothing received for {quiet_s:.1f} s: does the lidar have power, is this its port, and its baud rate? "
-            f"({RATES})"
+        reason = Sentence(
+            "lidar.silent",
+            "nothing received for {seconds:.1f} s: does the lidar have power, is this its port, and its baud "
+            "rate? ({rates})",
+            seconds=quiet_s,
+            rates=RATES,
         )
         return LidarHealth(LidarCondition.SILENT, reason)
-    received = f"{new.bytes} bytes, {new.packets} packets; received: {show(sample)}"
+    received = Sentence(
+        "lidar.received",
+        "{bytes} bytes, {packets} packets; received: {sample}",
+        bytes=new.bytes,
+        packets=new.packets,
+        sample=show(sample),
+    )
     if not new.packets:
         return _judge_foreign(sample, received)
     if complaint:
@@ -117,12 +128,25 @@ def judge(
     if new.turns and new.turns >= LEAST_TURNS_PER_S * waited_s:
         return LidarHealth(LidarCondition.HEALTHY, "")
     if new.repeated:
-        reason = (
-            f"the same data again ({new.repeated} times): the lidar has frozen, or its bytes are replayed"
+        reason = Sentence(
+            "lidar.frozen",
+            "the same data again ({times} times): the lidar has frozen, or its bytes are replayed",
+            times=new.repeated,
         )
         return LidarHealth(LidarCondition.FROZEN, reason)
-    turns = f"only {new.turns} whole turns in {waited_s:.1f} s" if new.turns else "no whole turn"
-    return LidarHealth(LidarCondition.MOTOR_STALLED, f"packets but {turns}: does its motor turn? {received}")
+    if new.turns:
+        stalled = Sentence(
+            "lidar.few_turns",
+            "packets but only {turns} whole turns in {seconds:.1f} s: does its motor turn? {received}",
+            turns=new.turns,
+            seconds=waited_s,
+            received=received,
+        )
+    else:
+        stalled = Sentence(
+            "lidar.no_turn", "packets but no whole turn: does its motor turn? {received}", received=received
+        )
+    return LidarHealth(LidarCondition.MOTOR_STALLED, stalled)
 
 
 def _judge_foreign(sample: bytes, received: str) -> LidarHealth:
@@ -131,18 +155,35 @@ def _judge_foreign(sample: bytes, received: str) -> LidarHealth:
     if decoder.feed_bytes(sample):
         return LidarHealth(
             LidarCondition.WRONG_DEVICE,
-            f"these are packets of an LD06 or LD19: is the model right? {received}",
+            Sentence(
+                "lidar.other_ld",
+                "these are packets of an LD06 or LD19: is the model right? {received}",
+                received=received,
+            ),
         )
     if rplidar.DESCRIPTOR_START in sample:
         return LidarHealth(
-            LidarCondition.WRONG_DEVICE, f"this may be an RPLIDAR: is the model right? {received}"
+            LidarCondition.WRONG_DEVICE,
+            Sentence(
+                "lidar.other_rplidar",
+                "this may be an RPLIDAR: is the model right? {received}",
+                received=received,
+            ),
         )
     text = sum(0x20 <= byte <= 0x7E or byte in b"\t\r\n" for byte in sample)
     if text >= TEXT_SHARE * len(sample):
         return LidarHealth(
-            LidarCondition.WRONG_DEVICE, f"this is text: is this the port of the board? {received}"
+            LidarCondition.WRONG_DEVICE,
+            Sentence(
+                "lidar.text", "this is text: is this the port of the board? {received}", received=received
+            ),
         )
     return LidarHealth(
         LidarCondition.WRONG_BAUD,
-        f"no packets: is the baud rate right ({RATES}), and is this the lidar's port? {received}",
+        Sentence(
+            "lidar.wrong_baud",
+            "no packets: is the baud rate right ({rates}), and is this the lidar's port? {received}",
+            rates=RATES,
+            received=received,
+        ),
     )

@@ -12,6 +12,7 @@ import numpy as np
 from msgspec import field
 
 from chefbotd.core.record import MutableState, StatefulPart
+from chefbotd.core.sentence import Sentence
 from chefbotd.link.lidar.turn import LEAST_COVERED, LidarTurn
 from chefbotd.sensing.lidar import LidarModel
 from firmware_protocol.lidar.rplidar import (
@@ -260,7 +261,11 @@ class RplidarReader(StatefulPart[RplidarState]):
 
     def _take_health(self, health: DeviceHealth, now_s: float) -> None:
         if health.status is HealthStatus.ERROR:
-            self.memory.complaint = f"the lidar reports that it is defective (error {health.error_code})"
+            self.memory.complaint = Sentence(
+                "lidar.defective",
+                "the lidar reports that it is defective (error {code})",
+                code=health.error_code,
+            )
             self._go(ScanPhase.RESETTING, now_s, request(RequestCode.RESET))
             return
         offered = self.memory.info is not None and self.memory.info.firmware >= EXPRESS_SINCE

@@ -13,6 +13,7 @@ from chefbotd.core.events import OdometryUpdated
 from chefbotd.core.events.inputs import LinkBytesWritten
 from chefbotd.core.events.lidars import LidarChanged, ScanMeasured
 from chefbotd.core.record import MutableState, StatefulPart
+from chefbotd.core.sentence import join_sentences
 from chefbotd.inputs import ResumableTimer, inputs_of
 from chefbotd.link.lidar.health import LidarCondition, LidarHealthWatch, LidarTotals
 from chefbotd.link.lidar.ld19_reader import Ld19Reader, Ld19State
@@ -159,7 +160,7 @@ class LidarSession(asyncio.Protocol, StatefulPart[LidarSessionState]):
         if health is None or not self.is_open:
             return
         healthy = health.condition is LidarCondition.HEALTHY
-        reason = "; ".join(text for text in (health.reason, self.memory.sharers) if text and not healthy)
+        reason = "" if healthy else join_sentences((health.reason, self.memory.sharers))
         self._report_condition(str(health.condition), reason, healthy=healthy)
         if not healthy:
             log.warning(

@@ -6,10 +6,12 @@ from typing import Any, ClassVar
 
 import pytest
 
+from chefbotd.components.navigation.events import NavigationData
+from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.robot import SafetyChanged
-from chefbotd.core.sentence import Sentence
+from chefbotd.core.sentence import Sentence, join_sentences
 from chefbotd.driving.models import SafetyState, safety_data
-from chefbotd.rpc.encoding import plain
+from chefbotd.rpc.encoding import encode, plain
 from chefbotd.safety.wheels import WheelWatchParameters, WheelWatchState, note_jump
 from tests.scenarios.page.browser import NEEDS_BROWSER, FakeDaemon, mode_is, sync_api
 from tests.sentences import as_template, patterns
@@ -185,6 +187,20 @@ class Furnished(FakeDaemon):
         )
 
 
+class WithCamera(Furnished):
+    """With a camera, too."""
+
+    METHODS = (*Furnished.METHODS, "get_camera_frame")
+    error: ClassVar[dict[str, Any]] = {}
+
+    def _take(self, socket: Any, line: str) -> None:
+        request = json.loads(line)
+        if request["method"] == "get_camera_frame":
+            self._answer(request.get("id"), {"error": self.error}, socket)
+        else:
+            super()._take(socket, line)
+
+
 def pseudo(words: Any) -> Any:
     """A sentence that is longer and in brackets, its placeholders and keys as they were."""
     if isinstance(words, dict):
@@ -194,10 +210,10 @@ def pseudo(words: Any) -> Any:
     return f"[{accented}{'·' * int(0.4 * sum(map(len, parts[::2])))}]"
 
 
-def opened(page: Any, served: str, language: str) -> Furnished:
+def opened(page: Any, served: str, language: str, kind: type[Furnished] = Furnished) -> Furnished:
     """The page in a language that the browser has not kept yet, with something in every panel."""
     page.add_init_script(f"localStorage.setItem('chefbotd-page-language', '\"{language}\"')")
-    daemon = Furnished(page)
+    daemon = kind(page)
     daemon.opened(served)
     sync_api.expect(page.locator("html")).to_have_attribute("lang", language)
     daemon.live()
@@ -357,3 +373,79 @@ def test_why_the_robot_is_stopped_is_said_in_the_readers_language(page: Any, ser
     sync_api.expect(reason).to_contain_text("[àškéd bý à çlïéñt")
     daemon.say("safety", **stopped("fire in the kitchen", mode="estopped"))
     sync_api.expect(reason).to_contain_text("fire in the kitchen")
+
+
+def said(kind: RefusalKind, words: str) -> dict[str, Any]:
+    """The error of a refusal with these words."""
+    refused = Refused(kind, words)
+    return {
+        "code": -32000,
+        "message": str(refused),
+        "data": json.loads(encode({"kind": kind, **refused.data})),
+    }
+
+
+def test_why_a_goal_failed_is_said_in_the_readers_language(page: Any, served: str) -> None:
+    """The state and its reason, with what the reason is made of."""
+    with_pseudo_language(page)
+    daemon = opened(page, served, "qps")
+    page.locator("#tab-goals").click()
+    in_the_way = Sentence("navigation.in_the_way", "something is in the way{where}", where="")
+    noisy = Sentence("navigation.noisy", "the lidar is noisy: {share_percent:.0f}%", share_percent=12.0)
+    why = join_sentences((in_the_way, noisy))
+    reason = Sentence("navigation.blocked_for", "blocked for {seconds:.0f} s: {why}", seconds=30, why=why)
+    daemon.say("navigation", **plain(NavigationData("blocked", None, reason)))
+    sync_api.expect(page.locator("#goal-told")).to_contain_text("[šöméthïñg ïš ïñ thé wàý")
+    assert untranslated(page, "#goal-told") == ""
+
+
+def test_a_camera_that_is_unplugged_is_said_in_the_readers_language(page: Any, served: str) -> None:
+    """Though the reason comes within a refusal, and is of the device."""
+    page.set_viewport_size(PHONE)
+    with_pseudo_language(page)
+    device = "top"
+    why = Sentence("camera.unplugged", "{device} is gone: was the camera unplugged?", device=device)
+    WithCamera.error = said(
+        RefusalKind.NO_PICTURE, Sentence("camera.no_picture", "no picture: {why}", why=why)
+    )
+    opened(page, served, "qps", WithCamera)
+    page.locator("#tab-camera").click()
+    sync_api.expect(page.locator("#camera-told")).to_contain_text("wàš thé çàmérà üñplüggéd")
+    assert untranslated(page, "#camera-told") == ""
+
+
+@pytest.mark.parametrize("language", ["qps", "de"])
+def test_a_long_reason_is_not_cut_on_a_phone(page: Any, served: str, language: str) -> None:
+    """The longest that the safety card has to say, in German too, at 360 pixels."""
+    page.set_viewport_size(PHONE)
+    with_pseudo_language(page)
+    daemon = opened(page, served, language)
+    daemon.say("safety", **stopped(jumping_wheels(), "encoder_jumps"))
+    sync_api.expect(page.locator("#mode-reason")).to_contain_text(
+        "Wackelkontakt" if language == "de" else "çöñtàçt"
+    )
+    assert page.evaluate(CUT) == []
+    for button in ("estop", "stop"):
+        sync_api.expect(page.locator(f"#{button}")).to_be_in_viewport(ratio=1)
+
+
+def test_figures_have_the_languages_decimal_sign(page: Any, served: str) -> None:
+    """A comma in German, in what the page says itself and in a sentence of the daemon."""
+    daemon = opened(page, served, "de")
+    low = Sentence(
+        "driving.battery_critical",
+        "the battery is critically low ({voltage_v:.1f} V): charge it",
+        voltage_v=10.42,
+    )
+    daemon.say("safety", **stopped(low, "battery_critical"))
+    sync_api.expect(page.locator("#mode-reason")).to_contain_text("(10,42 V)")
+    sync_api.expect(page.locator("#battery")).to_contain_text("12,1 V")
+
+
+def test_the_robots_own_drivers_have_words(page: Any, served: str) -> None:
+    """A client's own name stays."""
+    daemon = opened(page, served, "de")
+    data = {"mode": "armed", "reason": "", "armed": True, "source": None, "limited_by": None}
+    daemon.say("safety", **data, control={"navigation": "navigation", "teleop": "Ann"})
+    drivers = page.locator("#drivers")
+    sync_api.expect(drivers).to_have_text("die Navigation des Roboters, Ann (das Fahren von Hand)")

@@ -7,6 +7,7 @@ of T.81, annex K.3; browsers cannot show such a picture, so they are put in.
 from typing import Final
 
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 
 START: Final = b"\xff\xd8"
 END: Final = b"\xff\xd9"
@@ -19,6 +20,11 @@ MOST_PADDING_BYTES: Final = 4096
 
 class NotAPicture(ValueError):
     """Bytes that are no whole JPEG picture; the text says why."""
+
+    @property
+    def words(self) -> str:
+        """Why, with its id where it has one."""
+        return str(self) if not self.args else self.args[0]
 
 
 class Picture(Record, frozen=True):
@@ -45,16 +51,23 @@ def read_picture(data: bytes, most_bytes: int) -> Picture:
         NotAPicture: it is cut, too long, or no JPEG.
     """
     if not data.startswith(START):
-        raise NotAPicture("it does not begin as a JPEG does")
+        raise NotAPicture(Sentence("camera.not_jpeg", "it does not begin as a JPEG does"))
     end = data.rfind(END, max(len(data) - MOST_PADDING_BYTES, 0))
     if end < 0:
-        raise NotAPicture("it is cut: its end is missing")
+        raise NotAPicture(Sentence("camera.cut", "it is cut: its end is missing"))
     jpeg = data if end + 2 == len(data) else data[: end + 2]
     head = _read_head(jpeg)
     if not head.has_tables:
         jpeg = b"".join((jpeg[: head.scan], STANDARD_TABLES, jpeg[head.scan :]))
     if len(jpeg) > most_bytes:
-        raise NotAPicture(f"it has {len(jpeg)} bytes, and at most {most_bytes} are passed on")
+        raise NotAPicture(
+            Sentence(
+                "camera.too_long",
+                "it has {size} bytes, and at most {most_bytes} are passed on",
+                size=len(jpeg),
+                most_bytes=most_bytes,
+            )
+        )
     return Picture(jpeg, head.width_px, head.height_px)
 
 

@@ -14,6 +14,7 @@ from chefbotd.components.camera.algorithms.jpeg import NotAPicture, read_picture
 from chefbotd.components.camera.algorithms.mjpeg_stream import MjpegStream
 from chefbotd.components.camera.link.source import CameraLost, RateLimit, TakenPicture, monotonic_s
 from chefbotd.components.camera.parameters import CameraParameters
+from chefbotd.core.sentence import Sentence
 
 START_S = 15.0
 """What a program may take to its first picture (assumed)."""
@@ -48,7 +49,14 @@ class CommandCapture:
                 start_new_session=True,  # a Ctrl-C in the terminal is for the daemon; and a group to kill
             )
         except OSError as error:
-            raise CameraLost(f"{name} cannot be started: {error.strerror or error}") from error
+            raise CameraLost(
+                Sentence(
+                    "camera.not_started",
+                    "{name} cannot be started: {why}",
+                    name=name,
+                    why=error.strerror or error,
+                )
+            ) from error
         assert process.stdout is not None and process.stderr is not None  # noqa: S101, PT018 - they were asked for
         try:
             words = self._read_pictures(process, deliver, ending)
@@ -59,8 +67,13 @@ class CommandCapture:
             process.stdout.close()
             process.stderr.close()
         if not ending.is_set():
+            if words:
+                raise CameraLost(
+                    Sentence("camera.ended", "{name} has ended: {words}", name=name, words=words)
+                )
+            code = process.returncode
             raise CameraLost(
-                f"{name} has ended{': ' + words if words else f' with code {process.returncode}'}"
+                Sentence("camera.ended_with", "{name} has ended with code {code}", name=name, code=code)
             )
 
     def _read_pictures(
@@ -122,8 +135,23 @@ class _Reader:
         if monotonic_s() - self._last_s > self._patience_s:
             dropped = self._stream.dropped + self._damaged - self._reported
             longest = self._parameters.max_frame_bytes
-            what = f"; {dropped} were cut, damaged or longer than {longest} bytes" if dropped else ""
-            raise CameraLost(f"{name} has written no picture for {self._patience_s:g} s{what}")
+            silent = Sentence(
+                "camera.writes_nothing",
+                "{name} has written no picture for {seconds:g} s",
+                name=name,
+                seconds=self._patience_s,
+            )
+            if not dropped:
+                raise CameraLost(silent)
+            raise CameraLost(
+                Sentence(
+                    "camera.writes_no_whole",
+                    "{silent}; {dropped} were cut, damaged or longer than {longest} bytes",
+                    silent=silent,
+                    dropped=dropped,
+                    longest=longest,
+                )
+            )
 
 
 def _killed_with_us() -> tuple[str, ...]:

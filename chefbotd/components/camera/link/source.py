@@ -11,6 +11,7 @@ import structlog
 from chefbotd.components.camera.algorithms.jpeg import Picture
 from chefbotd.components.camera.parameters import CameraParameters
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 
 log = structlog.get_logger(component="camera")
 
@@ -19,6 +20,11 @@ ENDING_S = 1.0
 
 class CameraLost(Exception):
     """There are no pictures, or no more; the text says why, for people."""
+
+    @property
+    def words(self) -> str:
+        """Why, with its id where it has one."""
+        return self.args[0] if self.args else str(self)
 
 
 class TakenPicture(Record, frozen=True):
@@ -127,14 +133,14 @@ class ThreadSource:
             log.warning("the camera's device hangs: its thread cannot be ended")
 
     def _run_capture(self, capture: Capture) -> None:
-        lost = CameraLost("it was switched off")
+        lost = CameraLost(Sentence("camera.switched_off", "it was switched off"))
         try:
             capture.run(self._deliver, self._ending)
         except CameraLost as reason:
             lost = reason
         except Exception as fault:  # said and logged: a camera's fault must not stop the robot
             log.error("a fault in the camera's thread", exc_info=fault)
-            lost = CameraLost(f"a fault in the program: {fault}")
+            lost = CameraLost(Sentence("camera.program_fault", "a fault in the program: {why}", why=fault))
         finally:
             self._call_on_loop(self._end_source, lost)
 
@@ -164,7 +170,9 @@ def open_threads(make_capture: Callable[[CameraParameters], Capture]) -> OpenSou
 
     async def open_source(parameters: CameraParameters) -> PictureSource:
         if any(source.is_running for source in opened):
-            raise CameraLost("its device hangs: unplug the camera, or restart the computer")
+            raise CameraLost(
+                Sentence("camera.hangs", "its device hangs: unplug the camera, or restart the computer")
+            )
         opened[:] = [ThreadSource(make_capture(parameters))]
         return opened[0]
 

@@ -14,6 +14,7 @@ from chefbotd.components.camera.algorithms.jpeg import NotAPicture, read_picture
 from chefbotd.components.camera.link import v4l2_abi as abi
 from chefbotd.components.camera.link.source import CameraLost, RateLimit, TakenPicture, monotonic_s
 from chefbotd.components.camera.parameters import CameraParameters
+from chefbotd.core.sentence import Sentence
 
 BUFFERS = 3
 """One that is filled, one that is read, and one between."""
@@ -113,13 +114,23 @@ class V4l2Capture:
         has_own = capability.capabilities & abi.HAS_DEVICE_CAPS
         can = capability.device_caps if has_own else capability.capabilities
         if not can & abi.CAN_CAPTURE or not can & abi.CAN_STREAM:
-            raise CameraLost(f"{parameters.device} is no camera: another /dev/video of the same one may be")
+            raise CameraLost(
+                Sentence(
+                    "camera.no_camera",
+                    "{device} is no camera: another /dev/video of the same one may be",
+                    device=parameters.device,
+                )
+            )
         offered = self._list_formats()
         jpeg_format = next((number for number in (abi.MJPEG, abi.JPEG) if number in offered), None)
         if jpeg_format is None:
             raise CameraLost(
-                f"{parameters.device} offers no Motion JPEG, only {_names_of(offered)}: "
-                "let a program convert it, such as ffmpeg"
+                Sentence(
+                    "camera.no_jpeg",
+                    "{device} offers no Motion JPEG, only {formats}: let a program convert it, such as ffmpeg",
+                    device=parameters.device,
+                    formats=_names_of(offered),
+                )
             )
         asked = abi.Format(type=abi.CAPTURE)
         asked.fmt.pix.width, asked.fmt.pix.height = parameters.width_px, parameters.height_px
@@ -127,8 +138,14 @@ class V4l2Capture:
         kernel.ioctl(device, abi.SET_FORMAT, asked)
         if asked.fmt.pix.pixelformat != jpeg_format:
             raise CameraLost(
-                f"{parameters.device} answers with {abi.fourcc_text(asked.fmt.pix.pixelformat)} "
-                f"where Motion JPEG of {parameters.width_px}x{parameters.height_px} was asked for"
+                Sentence(
+                    "camera.other_format",
+                    "{device} answers with {format} where Motion JPEG of {width_px}x{height_px} was asked for",
+                    device=parameters.device,
+                    format=abi.fourcc_text(asked.fmt.pix.pixelformat),
+                    width_px=parameters.width_px,
+                    height_px=parameters.height_px,
+                )
             )
         self._ask_for_rate()
 
@@ -165,12 +182,16 @@ class V4l2Capture:
             self._memory.append(self._kernel.map_buffer(self._device, buffer.length, buffer.m.offset))
             self._kernel.ioctl(self._device, abi.QUEUE_BUFFER, buffer)
         if not self._memory:
-            raise CameraLost(f"{self._parameters.device} has no memory for pictures")
+            raise CameraLost(
+                Sentence(
+                    "camera.no_memory", "{device} has no memory for pictures", device=self._parameters.device
+                )
+            )
 
     def _read_pictures(self, deliver: Callable[[TakenPicture], None], ending: threading.Event) -> None:
         parameters = self._parameters
         limit, last_s, dropped = RateLimit(parameters.rate_hz), monotonic_s(), 0
-        why = "nothing"
+        why = ""
         while not ending.is_set():
             if monotonic_s() - last_s > parameters.silence_timeout_s:
                 raise CameraLost(_why_silent(parameters, why))
@@ -193,10 +214,10 @@ class V4l2Capture:
                 continue
             try:
                 if is_damaged:
-                    raise NotAPicture("it is damaged")
+                    raise NotAPicture(Sentence("camera.damaged", "it is damaged"))
                 picture = read_picture(data, parameters.max_frame_bytes)
             except NotAPicture as problem:
-                dropped, why = dropped + 1, str(problem)
+                dropped, why = dropped + 1, problem.words
                 continue
             deliver(TakenPicture(picture, taken_s, dropped))
             last_s, dropped = monotonic_s(), 0
@@ -222,27 +243,59 @@ def _names_of(formats: list[int]) -> str:
 
 
 def _why_silent(parameters: CameraParameters, why: str) -> str:
-    sends = "nothing" if why == "nothing" else f"no whole picture ({why})"
-    return f"{parameters.device} has sent {sends} for {parameters.silence_timeout_s:g} s"
+    device, seconds = parameters.device, parameters.silence_timeout_s
+    if not why:
+        return Sentence(
+            "camera.sends_nothing",
+            "{device} has sent nothing for {seconds:g} s",
+            device=device,
+            seconds=seconds,
+        )
+    return Sentence(
+        "camera.sends_no_whole",
+        "{device} has sent no whole picture ({why}) for {seconds:g} s",
+        device=device,
+        why=why,
+        seconds=seconds,
+    )
+
+
+def used_by_another(device: str) -> Sentence:
+    """Why a device cannot be had that has a user."""
+    return Sentence("camera.in_use", "{device} is used by another program", device=device)
 
 
 def _why_not_opened(path: str, error: OSError) -> str:
     if error.errno in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
-        return f"there is no {path}: is the camera plugged in?"
+        return Sentence("camera.not_plugged", "there is no {device}: is the camera plugged in?", device=path)
     if error.errno == errno.EACCES:
-        return f"{path} may not be opened: the daemon's user must be in the group video"
+        return Sentence(
+            "camera.no_right",
+            "{device} may not be opened: the daemon's user must be in the group video",
+            device=path,
+        )
     if error.errno == errno.EBUSY:
-        return f"{path} is used by another program"
-    return f"{path} cannot be opened: {error.strerror or error}"
+        return used_by_another(path)
+    return Sentence(
+        "camera.not_opened", "{device} cannot be opened: {why}", device=path, why=error.strerror or error
+    )
 
 
 def _why_ended(path: str, error: OSError) -> str:
     if error.errno in UNPLUGGED:
-        return f"{path} is gone: was the camera unplugged?"
+        return Sentence("camera.unplugged", "{device} is gone: was the camera unplugged?", device=path)
     if error.errno == errno.EBUSY:
-        return f"{path} is used by another program"
+        return used_by_another(path)
     if error.errno == errno.ENOTTY:
-        return f"{path} does not answer as a camera does: its driver lacks what is needed, or it is another device"
+        return Sentence(
+            "camera.not_answering",
+            "{device} does not answer as a camera does: its driver lacks what is needed, or it is another device",
+            device=path,
+        )
     if error.errno == errno.ENOSPC:
-        return f"{path} finds no room on its USB port: use another one, or ask for fewer or smaller pictures"
-    return f"{path} fails: {error.strerror or error}"
+        return Sentence(
+            "camera.no_room",
+            "{device} finds no room on its USB port: use another one, or ask for fewer or smaller pictures",
+            device=path,
+        )
+    return Sentence("camera.fails", "{device} fails: {why}", device=path, why=error.strerror or error)

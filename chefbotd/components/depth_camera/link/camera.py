@@ -18,6 +18,7 @@ from chefbotd.components.depth_camera.link.process import (
 from chefbotd.components.depth_camera.parameters import DepthSourceParameters
 from chefbotd.core.events.lidars import DepthCameraChanged, ScanMeasured
 from chefbotd.core.scan import Floats, LaserScan
+from chefbotd.core.sentence import Sentence
 from chefbotd.inputs import inputs_of
 
 log = structlog.get_logger(component="depth camera")
@@ -72,7 +73,11 @@ class DepthCamera:
                 async with asyncio.timeout(patience_s):
                     data = await child.read()
             except TimeoutError:
-                return f"no image for {patience_s:g} s: is the camera plugged in, or does its library hang?"
+                return Sentence(
+                    "depth_camera.silent",
+                    "no image for {seconds:g} s: is the camera plugged in, or does its library hang?",
+                    seconds=patience_s,
+                )
             if not data:
                 return ""
             try:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from chefbotd.child import send_signal
 from chefbotd.components.depth_camera.parameters import DepthSourceParameters
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 
 HEADER = struct.Struct("<4sdI")
 BEARINGS, SCAN = b"bear", b"scan"
@@ -119,8 +120,16 @@ class CameraProcess:
             send_signal(self._process, signal.SIGKILL)
             self._hearing.cancel()
         if not waiting.done():
-            return f"process {self._process.pid} cannot be ended: it hangs in the kernel"
-        return self._last_lines[-1] if self._last_lines else f"it ended with exit code {waiting.result()}"
+            return Sentence(
+                "depth_camera.hangs",
+                "process {pid} cannot be ended: it hangs in the kernel",
+                pid=self._process.pid,
+            )
+        return (
+            self._last_lines[-1]
+            if self._last_lines
+            else Sentence("depth_camera.ended", "it ended with exit code {code}", code=waiting.result())
+        )
 
     async def _read_stderr(self) -> None:
         assert self._process.stderr is not None  # noqa: S101 - it was asked for

@@ -28,6 +28,7 @@ from chefbotd.components.localization.algorithms.tracking import (
 from chefbotd.components.mapping.algorithms.state import Scan
 from chefbotd.core.poses import Floats, between
 from chefbotd.core.record import replace
+from chefbotd.core.sentence import Sentence
 
 UNCERTAIN_AFTER_S: Final = 0.5
 LOST_AFTER_S: Final = 1.5
@@ -149,7 +150,10 @@ def doubt_sentence(state: Localization) -> str:
     """Why a pose is uncertain that was not given by somebody, and what is done about it; empty where it is not."""
     if state.state is not PoseState.UNCERTAIN or not state.is_unchecked or state.checked is None:
         return ""
-    return "the scans fit the pose worse than before: the whole map is searched for another place"
+    return Sentence(
+        "localization.fits_worse",
+        "the scans fit the pose worse than before: the whole map is searched for another place",
+    )
 
 
 def without_evidence(state: Localization, stamp_s: float) -> tuple[Localization, PoseEvent | None]:

@@ -3,7 +3,7 @@
 
 import { confirmed, dismiss } from "../../confirm.js";
 import { $, element, text } from "../../dom.js";
-import { t, translate } from "../../language.js";
+import { figure, t, translate } from "../../language.js";
 import { refusal, sentence } from "../../words.js";
 import { inflate } from "../maps/grid.js";
 import { Drawing } from "../zones/drawing.js";
@@ -130,7 +130,7 @@ export default class MapEdits {
   // The map is shown so; it is kept when the slider is let go.
   #turn(angle_rad) {
     this.#angle = angle_rad;
-    text("edit-degrees", `${((angle_rad * 180) / Math.PI).toFixed(1)}°`);
+    text("edit-degrees", `${figure((angle_rad * 180) / Math.PI, 1)}°`);
     this.view.setAngle(angle_rad);
   }
 

@@ -11,6 +11,7 @@ from typing import Final
 from chefbotd.core.geometry import wrap_angle
 from chefbotd.core.poses import Floats, between
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence
 
 WINDOW_M: Final = 0.08
 WINDOWS: Final = 3
@@ -65,17 +66,26 @@ def mount_problem(check: MountCheck, lidars: Sequence[str]) -> str:
     if check.turned_rad is None:
         return ""
     degrees = round(math.degrees(check.turned_rad))
-    return (
-        f"the {_name_lidars(lidars)} and the wheels disagree about where the robot drives: "
-        f"the lidar seems to be turned by about {180 if degrees == -180 else degrees} degrees "
-        "against its configured mounting, or wheels have the wrong sign"
+    return Sentence(
+        "mapping.mount",
+        "the {lidar} and the wheels disagree about where the robot drives: "
+        "the lidar seems to be turned by about {degrees} degrees "
+        "against its configured mounting, or wheels have the wrong sign",
+        lidar=_name_lidars(lidars),
+        degrees=180 if degrees == -180 else degrees,
     )
 
 
 def _name_lidars(lidars: Sequence[str]) -> str:
     """With several the first is meant: the others' points are matched with its own."""
-    subject = f"lidar {lidars[0]!r}"
-    return subject if len(lidars) == 1 else f"{subject} (with {', '.join(map(repr, lidars[1:]))})"
+    if len(lidars) == 1:
+        return Sentence("mapping.lidar", "lidar {name!r}", name=lidars[0])
+    return Sentence(
+        "mapping.lidars",
+        "lidar {name!r} (with {others})",
+        name=lidars[0],
+        others=", ".join(map(repr, lidars[1:])),
+    )
 
 
 def _say_offset(state: MountCheck, off_rad: float) -> MountCheck:

@@ -4,7 +4,7 @@ import { confirmed } from "../../confirm.js";
 import { SHOWN_HZ } from "../../connection.js";
 import { $, element, text } from "../../dom.js";
 import { Grid, inflate } from "./grid.js";
-import { t, translate } from "../../language.js";
+import { figure, t, translate } from "../../language.js";
 import { plain, sentence } from "../../words.js";
 import { located, mapping as mappingWords } from "./words.js";
 
@@ -198,7 +198,7 @@ export default class Maps {
     $("making").hidden = state !== "mapping" || !this.#has("finish_mapping");
     $("maps").disabled = making || !this.#has("load_map");
     if (name && !$("map-name").value) $("map-name").value = name;
-    const so_far = t("maps.driven", { distance_m: path_m?.toFixed(1), count: loops });
+    const so_far = t("maps.driven", { distance_m: figure(path_m, 1), count: loops });
     const advice = state === "mapping" ? t("maps.advice") : "";
     if (state !== "idle") text("map-told", [`${mappingWords(state)}: ${so_far}`, plain(warning), plain(reason), advice].filter(Boolean).join(" "));
     else if (was !== "idle") this.#list();
@@ -225,7 +225,7 @@ export default class Maps {
     $("map-localize").hidden = $("map-localize-turn").hidden = !found.map || !this.#has("localize");
     this.#guide();
     if (this.#mapping.state !== "idle") return;
-    const fit = t("maps.fit", { percent: ((found.fit ?? 0) * 100).toFixed(0) });
+    const fit = t("maps.fit", { percent: figure((found.fit ?? 0) * 100, 0) });
     text("map-told", found.map ? [located(found.state), fit, plain(found.reason)].filter(Boolean).join(" ") : t("maps.none_in_use"));
     if (found.map && found.map !== this.#shown) this.#list();
   }

@@ -153,7 +153,10 @@ def read_map_server(path: Path) -> ReadMap:
     except ModuleNotFoundError as error:
         if error.name != "PIL":
             raise
-        raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"{path.name}: {NO_PILLOW}") from error
+        raise MapStoreError(
+            RefusalKind.MAP_UNREADABLE,
+            Sentence("maps.no_pillow", "{file}: {why}", file=path.name, why=NO_PILLOW),
+        ) from error
 
 
 def _grey_note(description: MapDescription, grid: OccupancyGrid) -> tuple[str, ...]:

@@ -61,8 +61,13 @@ def parse_places(data: bytes | None, map_name: str) -> dict[str, Place]:
         where = ".".join(map(str, problem["loc"]))
         raise MapStoreError(
             RefusalKind.MAP_UNREADABLE,
-            f"the places of the map {map_name!r} cannot be read: {PLACES}: "
-            f"{where + ': ' if where else ''}{problem['msg']}",
+            Sentence(
+                "maps.places_unreadable",
+                "the places of the map {map!r} cannot be read: {file}: {why}",
+                map=map_name,
+                file=PLACES,
+                why=f"{where + ': ' if where else ''}{problem['msg']}",
+            ),
         ) from error
 
 

@@ -12,6 +12,7 @@ from msgspec import Meta
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence
 
 WRONG_M: Final = 0.3
 """A pose that jumps by more than this was wrong before."""
@@ -91,7 +92,9 @@ def watch_arrival(
     if not arrival.is_doubted:
         return arrival, None
     confirmed = ArrivalData(
-        arrival.goal, ArrivalState.CONFIRMED, "reached: the pose was doubted, and is right"
+        arrival.goal,
+        ArrivalState.CONFIRMED,
+        Sentence("navigation.arrival_right", "reached: the pose was doubted, and is right"),
     )
     return replace(arrival, is_doubted=False), confirmed
 
@@ -101,7 +104,10 @@ def _doubt(arrival: Arrival, now_s: float, *, is_uncertain: bool) -> tuple[Arriv
     arrival = replace(arrival, doubtful_since_s=since_s)
     if arrival.is_doubted or (is_uncertain and now_s - since_s < UNSURE_S):
         return arrival, None
-    why = "the robot may not have been at its goal: its pose, by which it was reached, is doubted now"
+    why = Sentence(
+        "navigation.arrival_doubted",
+        "the robot may not have been at its goal: its pose, by which it was reached, is doubted now",
+    )
     return replace(arrival, is_doubted=True), ArrivalData(arrival.goal, ArrivalState.DOUBTED, why)
 
 
@@ -109,8 +115,12 @@ def _wrong(arrival: Arrival, map_from_odom: Pose2D) -> ArrivalData:
     """By the odometry of then; who carried the robot since has moved it, too."""
     then, stood = (at.compose(arrival.odom_from_base) for at in (arrival.map_from_odom, map_from_odom))
     off_m = math.hypot(stood.x_m - then.x_m, stood.y_m - then.y_m)
-    where = f"at ({stood.x_m:.2f}, {stood.y_m:.2f}), {off_m:.2f} m from where it took itself to be"
-    why = (
-        f"its pose was wrong: the robot was not at its goal, but {where}, unless somebody has moved it since"
+    why = Sentence(
+        "navigation.arrival_wrong",
+        "its pose was wrong: the robot was not at its goal, but at ({x_m:.2f}, {y_m:.2f}), {off_m:.2f} m from where it "
+        "took itself to be, unless somebody has moved it since",
+        x_m=stood.x_m,
+        y_m=stood.y_m,
+        off_m=off_m,
     )
     return ArrivalData(arrival.goal, ArrivalState.WRONG, why, off_m, stood.x_m, stood.y_m)

@@ -13,6 +13,7 @@ from chefbotd.components.navigation.algorithms.trips import Trip
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence
 
 SCAN_FAULT_S: Final = 10.0
 """The goal ends after so much longer without a scan."""
@@ -73,22 +74,37 @@ def checked_inputs(
         if inputs.pose_age_s >= POSE_SILENT_S:
             until_s = inputs.now_s + params.follower.delay_s + BRAKING_S
         if inputs.now_s < until_s:
-            return InputCheck(Missing(brakes_until_s=until_s), "waits, because no odometry arrives")
+            return InputCheck(
+                Missing(brakes_until_s=until_s),
+                Sentence("navigation.no_odometry", "waits, because no odometry arrives"),
+            )
         return InputCheck(Missing(), is_over=was_missing or last.without_scan_s is not None)
     without_scan_s = inputs.dt_s + (last.without_scan_s or 0.0)
-    missing, stands = Missing(without_scan_s=without_scan_s), "waits, because no scan arrives"
+    missing, stands = (
+        Missing(without_scan_s=without_scan_s),
+        Sentence("navigation.no_scan", "waits, because no scan arrives"),
+    )
     if without_scan_s < SCAN_FAULT_S:
         return InputCheck(missing, stands, is_over=was_missing)
-    reason = f"fault: no scan arrived for {SCAN_FAULT_S:.0f} s"
+    reason = Sentence(
+        "navigation.scan_fault", "fault: no scan arrived for {seconds:.0f} s", seconds=SCAN_FAULT_S
+    )
     return InputCheck(missing, stands, End.FAULT, reason, is_over=was_missing)
 
 
 def _lost(params: NavigationParameters, last: Missing, inputs: StepInput) -> InputCheck:
     since_s = inputs.now_s if last.lost_since_s is None else last.lost_since_s
-    missing, stands = Missing(lost_since_s=since_s), "waits, because its pose is not known"
+    missing, stands = (
+        Missing(lost_since_s=since_s),
+        Sentence("navigation.pose_not_known", "waits, because its pose is not known"),
+    )
     if inputs.now_s - since_s < LOST_S:
         return InputCheck(missing, stands)
-    reason = f"lost: for {LOST_S:.0f} s the pose of the robot was not known"
+    reason = Sentence(
+        "navigation.lost_pose",
+        "lost: for {seconds:.0f} s the pose of the robot was not known",
+        seconds=LOST_S,
+    )
     return InputCheck(missing, stands, End.LOST, reason)
 
 

@@ -15,6 +15,7 @@ from chefbotd.components.navigation.algorithms.steering import limit_change
 from chefbotd.components.navigation.algorithms.surroundings import Surroundings
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence
 
 FOLLOWS_M_S: Final = 0.35
 """Somebody behind the robot who is no faster than this follows it, and stops where it stops."""
@@ -112,10 +113,20 @@ def evade(
 
 def evasion_sentence(evasion: Evasion, place: Pose2D) -> str:
     """What the robot does for somebody at a place of the map."""
-    where = f"somebody at ({place.x_m:.2f}, {place.y_m:.2f})"
     if not evasion.is_used_up:
-        return f"makes way for {where}"
-    return f"stands for {where}: it has made way for {evasion.evaded_m:.0f} m on the way to this goal"
+        return Sentence(
+            "navigation.makes_way",
+            "makes way for somebody at ({x_m:.2f}, {y_m:.2f})",
+            x_m=place.x_m,
+            y_m=place.y_m,
+        )
+    return Sentence(
+        "navigation.stands_for",
+        "stands for somebody at ({x_m:.2f}, {y_m:.2f}): it has made way for {evaded_m:.0f} m on the way to this goal",
+        x_m=place.x_m,
+        y_m=place.y_m,
+        evaded_m=evasion.evaded_m,
+    )
 
 
 def _count_evasion(evasion: Evasion, inputs: StepInput, pose: Pose2D) -> Evasion:

@@ -36,11 +36,13 @@ from chefbotd.components.navigation.algorithms.trips import (
     Waiting,
     choice,
     is_due,
+    stands_at_goal,
     waiting,
 )
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import replace
+from chefbotd.core.sentence import Sentence, join_sentences
 
 RENEWED_M: Final = 0.5
 """A goal that replaces one so near to it is the same one renewed, as by a program that follows somebody."""
@@ -65,6 +67,18 @@ HELD_BY_WALL: Final = 3
 """After so many approaches that a guard held back before a wall of the map, the goal ends."""
 
 AT_GOAL: Final = (Phase.APPROACHING, Phase.FINAL_TURN)
+
+
+def unreachable(why: str) -> Sentence:
+    """How a goal ends to which there is no path."""
+    return Sentence("navigation.unreachable", "unreachable: {why}", why=why)
+
+
+def beside_something(why: str, place: str) -> str:
+    """Why the robot is stuck, with the place of what stands beside it; without one only why."""
+    if not place:
+        return why
+    return Sentence("navigation.beside", "{why} beside something{place}", why=why, place=place)
 
 
 class GoalExecution:
@@ -199,8 +213,8 @@ class GoalExecution:
         elif inputs.status is PoseStatus.UNCERTAIN:
             self._doubt(trip, inputs)
         else:
-            outcome = self._search.standing_sentence
-            self.end(End.UNREACHABLE, f"unreachable: {trip.reason}{outcome}")
+            why = join_sentences((trip.reason, *self._search.standing_sentences))
+            self.end(End.UNREACHABLE, unreachable(why))
 
     def _look_at(self, world: WorldModel, inputs: StepInput, *, has_arrived: bool) -> bool:
         """Whether the robot goes on looking, or plans again by what it saw."""
@@ -213,10 +227,17 @@ class GoalExecution:
         """There is no path from a pose that may be wrong: plan again when the pose is sure."""
         if self._unsure_since_s is None:
             self._unsure_since_s = inputs.now_s
-        self.reason = f"waits, because it is not sure of its pose: {no_path.reason}"
+        self.reason = Sentence(
+            "navigation.waits_unsure", "waits, because it is not sure of its pose: {why}", why=no_path.reason
+        )
         if inputs.now_s - self._unsure_since_s >= LOST_S:
-            why = f"for {LOST_S:.0f} s the pose of the robot was uncertain"
-            self.end(End.LOST, f"lost: {why}: {no_path.reason}")
+            lost = Sentence(
+                "navigation.lost_unsure",
+                "lost: for {seconds:.0f} s the pose of the robot was uncertain: {why}",
+                seconds=LOST_S,
+                why=no_path.reason,
+            )
+            self.end(End.LOST, lost)
 
     def _set_out(self, trip: Trip, inputs: StepInput) -> None:
         self._change(GoalEvent.PATH_FOUND)
@@ -280,17 +301,28 @@ class GoalExecution:
         if self._look_at(world, inputs, has_arrived=True):
             return
         if trip.is_interim:
-            why = f"something stands at the goal ({self._goal.x_m:.2f}, {self._goal.y_m:.2f})"
+            why = stands_at_goal(self._goal)
             self._become_stuck(world, inputs, why)
             return
         if self._waits_until_sure(inputs):
             return
-        where = f"reached ({inputs.pose.x_m:.2f}, {inputs.pose.y_m:.2f})"
+        reached: str = Sentence(
+            "navigation.reached", "reached ({x_m:.2f}, {y_m:.2f})", x_m=inputs.pose.x_m, y_m=inputs.pose.y_m
+        )
         if trip.path.is_substitute:
-            where += ", the nearest free place within the tolerance"
+            reached = Sentence(
+                "navigation.reached_nearest",
+                "{reached}, the nearest free place within the tolerance",
+                reached=reached,
+            )
         if inputs.status is PoseStatus.UNCERTAIN:
-            where += f", by a pose that was uncertain for {UNSURE_S:.0f} s"
-        self.end(End.REACHED, where)
+            reached = Sentence(
+                "navigation.reached_unsure",
+                "{reached}, by a pose that was uncertain for {seconds:.0f} s",
+                reached=reached,
+                seconds=UNSURE_S,
+            )
+        self.end(End.REACHED, reached)
 
     def _waits_until_sure(self, inputs: StepInput) -> bool:
         """Whether the robot stands at its goal by a pose that may be wrong, or plans again since that was corrected."""
@@ -303,7 +335,9 @@ class GoalExecution:
             return was_wrong
         if self._unsure_since_s is None:
             self._unsure_since_s = inputs.now_s
-            self.reason = "has come to its goal, and waits until it is sure of its pose"
+            self.reason = Sentence(
+                "navigation.waits_at_goal", "has come to its goal, and waits until it is sure of its pose"
+            )
         return inputs.now_s - self._unsure_since_s < UNSURE_S
 
     @property
@@ -334,16 +368,25 @@ class GoalExecution:
         if self._leave_narrow(world, inputs):
             return
         if check.stuck:
-            beside = "" if done.is_blocked else world.beside(surroundings)
-            self._become_stuck(world, inputs, check.stuck + beside)
+            place = "" if done.is_blocked else world.beside(surroundings)
+            self._become_stuck(world, inputs, beside_something(check.stuck, place))
 
     def _end_before_wall(self, wall: str, inputs: StepInput) -> None:
         """Nobody can clear a wall of the map out of the way."""
         goal, pose = self._goal, inputs.pose
         left_m = math.hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m)
-        why = f"the wall of the map{wall} is too near to the goal ({goal.x_m:.2f}, {goal.y_m:.2f})"
-        end = f"{why} for the obstacle guards, which stop the robot {left_m:.2f} m from it"
-        self.end(End.BLOCKED, f"blocked: {end}, at ({pose.x_m:.2f}, {pose.y_m:.2f})")
+        blocked = Sentence(
+            "navigation.wall_at_goal",
+            "blocked: the wall of the map{wall} is too near to the goal ({goal_x_m:.2f}, {goal_y_m:.2f}) for the "
+            "obstacle guards, which stop the robot {left_m:.2f} m from it, at ({x_m:.2f}, {y_m:.2f})",
+            wall=wall,
+            goal_x_m=goal.x_m,
+            goal_y_m=goal.y_m,
+            left_m=left_m,
+            x_m=pose.x_m,
+            y_m=pose.y_m,
+        )
+        self.end(End.BLOCKED, blocked)
 
     def _leave_narrow(self, world: WorldModel, inputs: StepInput) -> bool:
         """Whether a passage on the path is too narrow for the robot: it takes another way, or the goal ends."""
@@ -359,8 +402,16 @@ class GoalExecution:
             self._set_out(other, inputs)
             return True
         at, width_m = world.frame.pose_to_map(place), passage.width_m
-        where = f"the passage at ({at.x_m:.2f}, {at.y_m:.2f}) is {width_m:.2f} m wide"
-        self.end(End.BLOCKED, f"blocked: {where}, and the robot needs {passage.needed_m:.2f} m")
+        blocked = Sentence(
+            "navigation.narrow",
+            "blocked: the passage at ({x_m:.2f}, {y_m:.2f}) is {width_m:.2f} m wide, and the robot needs "
+            "{needed_m:.2f} m",
+            x_m=at.x_m,
+            y_m=at.y_m,
+            width_m=width_m,
+            needed_m=passage.needed_m,
+        )
+        self.end(End.BLOCKED, blocked)
         return True
 
     # Recovering

@@ -21,6 +21,7 @@ from chefbotd.components.navigation.algorithms.trips import Trip
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence, join_sentences
 
 
 class RecoveryStep(Record, frozen=True):
@@ -94,8 +95,16 @@ class GoalRecovery:
 
     def _give_up(self, inputs: StepInput, noise: str) -> RecoveryStep:
         began_s = inputs.now_s if self._recovery is None else self._recovery.began_s
-        why = "; ".join(filter(None, (self._why_stuck, noise)))
-        return RecoveryStep(end=End.BLOCKED, reason=f"blocked for {inputs.now_s - began_s:.0f} s: {why}")
+        why = join_sentences((self._why_stuck, noise))
+        return RecoveryStep(
+            end=End.BLOCKED,
+            reason=Sentence(
+                "navigation.blocked_for",
+                "blocked for {seconds:.0f} s: {why}",
+                seconds=inputs.now_s - began_s,
+                why=why,
+            ),
+        )
 
     def _try(
         self, world: WorldModel, recovery: Recovery, inputs: StepInput, trip: Trip | None
@@ -105,7 +114,11 @@ class GoalRecovery:
             ahead = trip.left.points_m
             until_s = recovery.action_began_s + CLOSED_S
             world.close(ahead[min(len(ahead) - 1, 8)], until_s)
-        return RecoveryStep(reason=f"{self._why_stuck}: {SENTENCES[recovery.action]}")
+        return RecoveryStep(
+            reason=Sentence(
+                "navigation.tries", "{why}: {action}", why=self._why_stuck, action=SENTENCES[recovery.action]
+            )
+        )
 
     def _find_again(
         self, world: WorldModel, inputs: StepInput, surroundings: Surroundings, *, with_closed: bool
@@ -115,7 +128,10 @@ class GoalRecovery:
         if isinstance(trip, NoPath):
             if trip.only_for_now or inputs.status is PoseStatus.UNCERTAIN:
                 return None
-            return RecoveryStep(end=End.UNREACHABLE, reason=f"unreachable: {trip.reason}")
+            return RecoveryStep(
+                end=End.UNREACHABLE,
+                reason=Sentence("navigation.unreachable", "unreachable: {why}", why=trip.reason),
+            )
         if not with_closed:
             if not can_begin(self._search.params, world, trip, inputs, surroundings):
                 return None

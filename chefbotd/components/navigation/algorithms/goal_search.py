@@ -18,6 +18,7 @@ from chefbotd.components.navigation.algorithms.path import Goal, NoPath, Planner
 from chefbotd.components.navigation.algorithms.trips import Trip, find
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
 from chefbotd.core.record import replace
+from chefbotd.core.sentence import Sentence
 
 
 class GoalSearch:
@@ -39,14 +40,19 @@ class GoalSearch:
         """What the robot does on the path that was found."""
         if self.is_looking:
             return self._look.reason
-        return f"drives to ({self.goal.x_m:.2f}, {self.goal.y_m:.2f})"
+        return Sentence(
+            "navigation.drives_to", "drives to ({x_m:.2f}, {y_m:.2f})", x_m=self.goal.x_m, y_m=self.goal.y_m
+        )
 
     @property
-    def standing_sentence(self) -> str:
-        """What it saw where it went to look, as a part of a sentence."""
-        return "".join(
-            f"; it went to look: something still stands at {place}" for place in self._look.standing
-        )
+    def standing_sentences(self) -> list[str]:
+        """What it saw where it went to look."""
+        return [
+            Sentence(
+                "navigation.still_stands", "it went to look: something still stands at {place}", place=place
+            )
+            for place in self._look.standing
+        ]
 
     def find(self, world: WorldModel, inputs: StepInput, *, with_closed: bool = True) -> Trip | NoPath:
         """A path by what is known now."""

@@ -17,6 +17,7 @@ from chefbotd.components.navigation.algorithms.steering import FollowState
 from chefbotd.components.navigation.algorithms.trips import Trip
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 
 AWAY_M: Final = 0.4
 """The robot looks from so far beside a thing."""
@@ -49,7 +50,11 @@ class Look(Record, frozen=True):
     @property
     def reason(self) -> str:
         """What it does."""
-        return f"the map has something at {self.place}: going to look whether it is still there"
+        return Sentence(
+            "navigation.goes_to_look",
+            "the map has something at {place}: going to look whether it is still there",
+            place=self.place,
+        )
 
 
 def in_the_way(

@@ -27,7 +27,15 @@ from chefbotd.components.navigation.algorithms.interface import (
 from chefbotd.components.navigation.algorithms.noise import noise_sentence
 from chefbotd.components.navigation.algorithms.path import Goal, NoPath, Path, Planner
 from chefbotd.components.navigation.algorithms.planner import plan
-from chefbotd.components.navigation.algorithms.states import End, GoalEvent, GoalState, next_state
+from chefbotd.components.navigation.algorithms.states import (
+    End,
+    GoalEvent,
+    GoalState,
+    cancelled,
+    cancelled_before,
+    failed,
+    next_state,
+)
 from chefbotd.components.navigation.algorithms.steering import limit_change
 from chefbotd.components.navigation.algorithms.trips import Trip, duration_s, plan_now
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
@@ -35,8 +43,11 @@ from chefbotd.components.zones.zone_file import NO_ZONES, Zones
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence, join_sentences
 
-REPLACED: Final = "a new goal replaced it"
+REPLACED: Final = Sentence("navigation.replaced", "a new goal replaced it")
+AS_ASKED: Final = Sentence("navigation.as_asked", "as asked")
+PAUSED: Final = Sentence("navigation.paused", "paused")
 
 SILENT_BEFORE_S: Final = 1.5
 """For so long after the board was silent the robot, which stands where it did not choose to, makes way at any speed."""
@@ -80,7 +91,7 @@ def first_ended(queue: GoalQueue, end: End, reason: str) -> tuple[GoalQueue, tup
     first, left = Ended(number, end, reason), replace(queue, goals=tuple(following))
     if end is End.REACHED:
         return left, (first,)
-    left, others = keep_goals(left, (), f"cancelled: goal {number} before it ended {end}")
+    left, others = keep_goals(left, (), cancelled_before(number, end))
     return left, (first, *others)
 
 
@@ -191,20 +202,20 @@ class Navigator:
             if self._execution is None:
                 self._execute_next()
             return numbers
-        self._queue, ended = keep_goals(self._queue, (), f"cancelled: {REPLACED}")
+        self._queue, ended = keep_goals(self._queue, (), cancelled(REPLACED))
         self._ended += ended
         self._queue, numbers = add_goals(self._queue, goals)
         if not self._execution.retarget(goals[0]):
             self._open_all()
         return numbers
 
-    def cancel(self, reason: str = "as asked") -> None:
+    def cancel(self, reason: str = AS_ASKED) -> None:
         """End all goals."""
         self.keep((), reason)
 
-    def keep(self, numbers: Collection[int], reason: str = "as asked") -> None:
+    def keep(self, numbers: Collection[int], reason: str = AS_ASKED) -> None:
         """Cancel all goals but these."""
-        sentence, before = f"cancelled: {reason}", self._queue.number
+        sentence, before = cancelled(reason), self._queue.number
         self._queue, ended = keep_goals(self._queue, numbers, sentence)
         self._ended += ended
         if self._execution is not None and self._queue.number != before:
@@ -215,10 +226,10 @@ class Navigator:
     def fail(self, reason: str) -> None:
         """End all goals for what makes driving impossible, such as an e-stop."""
         if self._execution is not None:
-            self._execution.end(End.FAULT, f"fault: {reason}")
+            self._execution.end(End.FAULT, failed(reason))
             self._settle(self._execution)
 
-    def pause(self, reason: str = "paused") -> None:
+    def pause(self, reason: str = PAUSED) -> None:
         """Stand until ``resume``; without a goal nothing happens."""
         if self._execution is not None:
             self._execution.pause(reason)
@@ -291,7 +302,7 @@ class Navigator:
         number = self._queue.number
         reason = self._idle_reason if self._execution is None else self._execution.reason
         if self.world is not None and self._execution is not None:
-            reason = "; ".join(filter(None, (reason, noise_sentence(self.world.noise_share))))
+            reason = join_sentences((reason, noise_sentence(self.world.noise_share)))
         if self._trip is None:
             return Progress(self.state, number, reason)
         left = self._trip.left
@@ -338,7 +349,9 @@ class Navigator:
     def _execute_next(self) -> None:
         """Begin with the first goal, if there is one."""
         if self._queue.goals:
-            self._execute(next_state(GoalState.IDLE, GoalEvent.GOAL_ACCEPTED), "plans")
+            self._execute(
+                next_state(GoalState.IDLE, GoalEvent.GOAL_ACCEPTED), Sentence("navigation.plans", "plans")
+            )
 
     def _execute(self, state: GoalState, reason: str) -> None:
         self._execution = GoalExecution(self._params, self._planner, self._queue.goals[0][1], state, reason)

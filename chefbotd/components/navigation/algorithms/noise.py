@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from chefbotd.components.navigation.algorithms.grid import Floats
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 from chefbotd.perception.lone_points import find_lone
 
 BELIEVED_M: Final = 0.25
@@ -38,7 +39,11 @@ class Noise(Record, frozen=True):
 def noise_sentence(share: float) -> str:
     """What is said about a lidar with this share of points that nothing confirms; empty: it is healthy."""
     return (
-        f"the lidar is noisy: {share:.0%} of its points are confirmed by no other beam"
+        Sentence(
+            "navigation.noisy",
+            "the lidar is noisy: {share_percent:.0f}% of its points are confirmed by no other beam",
+            share_percent=100 * share,
+        )
         if share >= NOISY_SHARE
         else ""
     )

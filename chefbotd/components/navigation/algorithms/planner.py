@@ -22,6 +22,7 @@ from chefbotd.components.navigation.algorithms.smooth import (
 )
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import replace
+from chefbotd.core.sentence import Sentence
 
 WIDE_M: Final = 0.18
 """With less room than this beside the outline, smoothing keeps to the middle."""
@@ -37,7 +38,14 @@ def plan(outline: Footprint, costs: Costmap, start: Pose2D, goal: Goal) -> Path 
     """
     pose = costs.frame.pose_to_grid(start)
     if costs.frame.cell(pose.x_m, pose.y_m) is None:
-        return NoPath(f"the robot is outside of the map, at ({start.x_m:.2f}, {start.y_m:.2f})")
+        return NoPath(
+            Sentence(
+                "navigation.outside",
+                "the robot is outside of the map, at ({x_m:.2f}, {y_m:.2f})",
+                x_m=start.x_m,
+                y_m=start.y_m,
+            )
+        )
     end = _in_grid(costs.frame, goal)
     problem = _problem(outline, costs, end)
     if problem is None:
@@ -45,19 +53,42 @@ def plan(outline: Footprint, costs: Costmap, start: Pose2D, goal: Goal) -> Path 
         wall_m = None if path is None else wall_before_goal(outline, costs, path)
         if path is not None and wall_m is None:
             return path
-        why = f"there is no way to ({goal.x_m:.2f}, {goal.y_m:.2f}) that is wide enough for the robot"
+        why: str = Sentence(
+            "navigation.no_way",
+            "there is no way to ({x_m:.2f}, {y_m:.2f}) that is wide enough for the robot",
+            x_m=goal.x_m,
+            y_m=goal.y_m,
+        )
         if wall_m is not None:
             why = _kept_from(costs, goal, wall_m)
     else:
-        why = f"the goal ({goal.x_m:.2f}, {goal.y_m:.2f}) {problem}"
+        why = Sentence(
+            "navigation.goal_is",
+            "the goal ({x_m:.2f}, {y_m:.2f}) {what}",
+            x_m=goal.x_m,
+            y_m=goal.y_m,
+            what=problem,
+        )
     nearest = nearest_free(outline, costs, pose, end, goal.tolerance_m)
     if nearest is None and not _flood_free(costs, pose).any():
-        at = f"({start.x_m:.2f}, {start.y_m:.2f})"
         return NoPath(
-            f"{why}: the robot itself is in an obstacle or a keep-out zone, at {at}, and cannot leave it"
+            Sentence(
+                "navigation.robot_enclosed",
+                "{why}: the robot itself is in an obstacle or a keep-out zone, at ({x_m:.2f}, {y_m:.2f}), and cannot "
+                "leave it",
+                why=why,
+                x_m=start.x_m,
+                y_m=start.y_m,
+            )
         )
     if nearest is None:
-        return NoPath(f"{why}, and there is no free place near it that can be reached")
+        return NoPath(
+            Sentence(
+                "navigation.no_free_place",
+                "{why}, and there is no free place near it that can be reached",
+                why=why,
+            )
+        )
     away_m = math.hypot(nearest.x_m - end.x_m, nearest.y_m - end.y_m)
     offered = costs.frame.pose_to_map(nearest)
     if away_m <= goal.tolerance_m:
@@ -66,16 +97,28 @@ def plan(outline: Footprint, costs: Costmap, start: Pose2D, goal: Goal) -> Path 
         path = _between(outline, costs, pose, nearest, other, is_substitute=True)
         if path is not None:
             return path
-    near = f"the nearest place that can be reached is ({offered.x_m:.2f}, {offered.y_m:.2f})"
-    return NoPath(f"{why}; {near}, {away_m:.2f} m from it", offered)
+    nearest_reached = Sentence(
+        "navigation.nearest",
+        "{why}; the nearest place that can be reached is ({x_m:.2f}, {y_m:.2f}), {away_m:.2f} m from it",
+        why=why,
+        x_m=offered.x_m,
+        y_m=offered.y_m,
+        away_m=away_m,
+    )
+    return NoPath(nearest_reached, offered)
 
 
 def _kept_from(costs: Costmap, goal: Goal, wall_m: Floats) -> str:
     guards = costs.inflation.guards
-    return (
-        f"the goal ({goal.x_m:.2f}, {goal.y_m:.2f}) is too near to the wall of the map at "
-        f"({wall_m[0]:.2f}, {wall_m[1]:.2f}): the obstacle guards stop the robot "
-        f"{guards.stop_m + guards.clearance_m:.2f} m before it"
+    return Sentence(
+        "navigation.kept_from",
+        "the goal ({x_m:.2f}, {y_m:.2f}) is too near to the wall of the map at ({wall_x_m:.2f}, {wall_y_m:.2f}): the "
+        "obstacle guards stop the robot {before_m:.2f} m before it",
+        x_m=goal.x_m,
+        y_m=goal.y_m,
+        wall_x_m=float(wall_m[0]),
+        wall_y_m=float(wall_m[1]),
+        before_m=guards.stop_m + guards.clearance_m,
     )
 
 
@@ -87,17 +130,26 @@ def _problem(outline: Footprint, costs: Costmap, pose: Pose2D) -> str | None:
     """Why the robot cannot be at a pose of the grid's frame; None when it can."""
     cell = costs.frame.cell(pose.x_m, pose.y_m)
     if cell is None:
-        return "is outside of the map"
+        return Sentence("navigation.goal_outside", "is outside of the map")
     if costs.distance_m[cell] == 0:
-        return "is inside an obstacle"
+        return Sentence("navigation.goal_in_obstacle", "is inside an obstacle")
     if math.isinf(costs.surcharges[cell]):
-        return "is in unknown space"
+        return Sentence("navigation.goal_unknown", "is in unknown space")
     needed_m, has_m = outline.inner_radius_m, costs.distance_m[cell]
     if math.isinf(costs.costs[cell]):
-        return f"is {has_m:.2f} m from an obstacle, and the robot needs {needed_m:.2f} m"
+        return Sentence(
+            "navigation.goal_too_near",
+            "is {has_m:.2f} m from an obstacle, and the robot needs {needed_m:.2f} m",
+            has_m=has_m,
+            needed_m=needed_m,
+        )
     if _touches(outline, costs, pose):
         at = _find_touch(outline, costs, pose)
-        return f"has a heading with which the robot would touch the obstacle at {at}"
+        return Sentence(
+            "navigation.goal_touches",
+            "has a heading with which the robot would touch the obstacle at {at}",
+            at=at,
+        )
     return None
 
 

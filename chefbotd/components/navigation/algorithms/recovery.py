@@ -12,6 +12,7 @@ from chefbotd.components.navigation.algorithms.steering import Control
 from chefbotd.components.navigation.algorithms.surroundings import Surroundings
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence
 
 IDLE_S: Final = 6.0
 """A robot that drives and makes no progress for so long is stuck."""
@@ -59,6 +60,9 @@ LEAST_POINTS = 4
 """With fewer the robot does not know where it came from."""
 
 
+NO_PROGRESS: Final = Sentence("navigation.no_progress", "the robot makes no progress")
+
+
 class InTheWay(Record, frozen=True):
     """What blocks the robot: where it is, as a part of a sentence, and whether it is a person who will walk on."""
 
@@ -92,10 +96,11 @@ def checked_progress(
         return _count_progress(
             params, ProgressCheck(free, drives_again=last.blocked_since_s is not None), inputs
         )
-    why, waits = f"something is in the way{in_the_way.where}", ""
+    why = Sentence("navigation.in_the_way", "something is in the way{where}", where=in_the_way.where)
+    waits: str = ""
     since_s = last.blocked_since_s
     if since_s is None:
-        since_s, waits = inputs.now_s, f"waits, because {why}"
+        since_s, waits = inputs.now_s, Sentence("navigation.waits_because", "waits, because {why}", why=why)
     blocked = replace(last, blocked_since_s=since_s)
     patience_s = WALKER_S if in_the_way.walks else STUCK_S * params.slower
     if inputs.now_s - since_s >= patience_s:
@@ -107,7 +112,7 @@ def _count_progress(
     params: NavigationParameters,
     check: ProgressCheck,
     inputs: StepInput,
-    why: str = "the robot makes no progress",
+    why: str = NO_PROGRESS,
 ) -> ProgressCheck:
     """The same, with the progress that the robot has made, or why it is stuck without any."""
     last = check.progress
@@ -132,11 +137,11 @@ class Action(StrEnum):
 
 ORDER = tuple(Action)
 SENTENCES = {
-    Action.LOOK: "stops and looks again",
-    Action.BACK_OUT: "backs out the way it came",
-    Action.OTHER_WAY: "looks for another path",
-    Action.WAIT: "waits for the way to become free",
-    Action.ASK: "asks people to clear the way",
+    Action.LOOK: Sentence("navigation.looks_again", "stops and looks again"),
+    Action.BACK_OUT: Sentence("navigation.backs_out", "backs out the way it came"),
+    Action.OTHER_WAY: Sentence("navigation.other_path", "looks for another path"),
+    Action.WAIT: Sentence("navigation.waits_for_way", "waits for the way to become free"),
+    Action.ASK: Sentence("navigation.asks_people", "asks people to clear the way"),
 }
 
 

@@ -1,6 +1,10 @@
 """The states of a goal, its ends, and the transitions between them; how unknown space is driven."""
 
+from collections.abc import Mapping
 from enum import StrEnum
+from typing import Final
+
+from chefbotd.core.sentence import Sentence
 
 
 class UnknownSpace(StrEnum):
@@ -42,6 +46,36 @@ class End(StrEnum):
     CANCELLED = "cancelled"
     LOST = "lost"
     FAULT = "fault"
+
+
+END_WORDS: Final[Mapping[str, Sentence]] = {
+    End.REACHED: Sentence("navigation.end_reached", "reached"),
+    End.UNREACHABLE: Sentence("navigation.end_unreachable", "unreachable"),
+    End.BLOCKED: Sentence("navigation.end_blocked", "blocked"),
+    End.CANCELLED: Sentence("navigation.end_cancelled", "cancelled"),
+    End.LOST: Sentence("navigation.end_lost", "lost"),
+    End.FAULT: Sentence("navigation.end_fault", "fault"),
+}
+
+
+def cancelled(why: str) -> Sentence:
+    """The reason of a goal that was cancelled."""
+    return Sentence("navigation.cancelled", "cancelled: {why}", why=why)
+
+
+def cancelled_before(number: int, end: str) -> Sentence:
+    """The reason of a goal that was to follow another, which was not reached."""
+    return Sentence(
+        "navigation.cancelled_before",
+        "cancelled: goal {number} before it ended {end}",
+        number=number,
+        end=END_WORDS[end],
+    )
+
+
+def failed(why: str) -> Sentence:
+    """The reason of a goal that ended by a fault."""
+    return Sentence("navigation.fault", "fault: {why}", why=why)
 
 
 NEXT = {

@@ -32,6 +32,7 @@ from chefbotd.components.navigation.algorithms.surroundings import Surroundings
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence
 
 NEAR_GOAL_M = 0.9
 """The robot waits so near to an occupied goal. A free place farther from the goal may be behind a wall."""
@@ -106,8 +107,18 @@ def find(
             return Trip(
                 replace(near, goal=replace(near.goal, heading_rad=None)), FollowState(), is_interim=True
             )
-    why = f"something stands at the goal ({goal.x_m:.2f}, {goal.y_m:.2f})"
+    why = stands_at_goal(goal)
     return NoPath(why, offered, only_for_now=True)
+
+
+def stands_at_goal(goal: Goal) -> Sentence:
+    """Why a goal is not reached that is not free."""
+    return Sentence(
+        "navigation.stands_at_goal",
+        "something stands at the goal ({x_m:.2f}, {y_m:.2f})",
+        x_m=goal.x_m,
+        y_m=goal.y_m,
+    )
 
 
 def blocked_at(costs: Costmap, path: Path) -> Floats | None:
@@ -213,7 +224,12 @@ def waiting(
         return None
     point = world.frame.pose_to_map(Pose2D(float(place[0]), float(place[1])))
     where = f"({point.x_m:.2f}, {point.y_m:.2f})"
-    reason = f"waiting for somebody at {where} to go on: the way round is {longer_m:.1f} m longer"
+    reason = Sentence(
+        "navigation.waits_for_somebody",
+        "waiting for somebody at {where} to go on: the way round is {longer_m:.1f} m longer",
+        where=where,
+        longer_m=longer_m,
+    )
     return Waiting(since_s, until_s, reason)
 
 

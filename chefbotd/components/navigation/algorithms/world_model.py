@@ -59,6 +59,7 @@ from chefbotd.components.navigation.algorithms.surroundings import Surroundings
 from chefbotd.components.zones.zone_file import Zones
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.occupancy_grid import OccupancyGrid
+from chefbotd.core.sentence import Sentence
 from chefbotd.perception.surface_points import smooth_points
 
 NEAR_M: Final = 1.6
@@ -425,11 +426,11 @@ class WorldModel:
         k = nearest_in_turn(outline, surroundings, 0.0)
         x_m, y_m = surroundings.points_m[k]
         apart_m = clearance_m(outline.hull, outline.pad_m, float(x_m), float(y_m))
-        return f" beside something{self._where(surroundings, k)}" if apart_m < BESIDE_M else ""
+        return self._where(surroundings, k) if apart_m < BESIDE_M else ""
 
     def _where(self, surroundings: Surroundings, k: int) -> str:
         point = surroundings.grid_from_base.compose(
             Pose2D(float(surroundings.points_m[k, 0]), float(surroundings.points_m[k, 1]))
         )
         place = self.frame.pose_to_map(point)
-        return f" at ({place.x_m:.2f}, {place.y_m:.2f})"
+        return Sentence("navigation.at", " at ({x_m:.2f}, {y_m:.2f})", x_m=place.x_m, y_m=place.y_m)

@@ -7,10 +7,13 @@ import numpy as np
 from scipy import ndimage
 
 from chefbotd.components.navigation.algorithms.costmap import Costmap
+from chefbotd.core.sentence import Sentence
 
 Point = tuple[float, float]
-COVERED_BY_ZONES: Final = "the robot is in it, or too near to it to drive there"
-COVERED_BY_EDITS: Final = "the robot could not drive from where it is"
+COVERED_BY_ZONES: Final = Sentence(
+    "navigation.concern_zone", "the robot is in it, or too near to it to drive there"
+)
+COVERED_BY_EDITS: Final = Sentence("navigation.concern_edit", "the robot could not drive from where it is")
 MOST_NAMED = 3
 """So many places are named at most; of the others it is said how many there are."""
 
@@ -35,7 +38,9 @@ def find_concerns(
         yield covers
     covered = [name for name, cell in cells.items() if _is_covered(before, after, cell)]
     if covered:
-        yield f"the robot could not stand at {_listed(covered)}"
+        yield Sentence(
+            "navigation.concern_places", "the robot could not stand at {places}", places=_listed(covered)
+        )
     free = {name: cell for name, cell in cells.items() if cell is not None and np.isfinite(after.costs[cell])}
     start = robot_cell if _is_free(after, robot_cell) else next(iter(free.values()), None)
     if start is None:
@@ -47,7 +52,9 @@ def find_concerns(
         if parts_before[cell] == parts_before[start] and parts_after[cell] != parts_after[start]
     ]
     if cut_off:
-        yield f"there would be no way to {_listed(cut_off)}"
+        yield Sentence(
+            "navigation.concern_cut_off", "there would be no way to {places}", places=_listed(cut_off)
+        )
 
 
 def _cell(costs: Costmap, point: Point) -> tuple[int, int] | None:
@@ -71,4 +78,9 @@ def _parts(costs: Costmap) -> np.ndarray:
 def _listed(names: list[str]) -> str:
     if len(names) <= MOST_NAMED:
         return ", ".join(names)
-    return f"{', '.join(names[:MOST_NAMED])} and {len(names) - MOST_NAMED} more places"
+    return Sentence(
+        "navigation.more_places",
+        "{places} and {more} more places",
+        places=", ".join(names[:MOST_NAMED]),
+        more=len(names) - MOST_NAMED,
+    )

@@ -1,7 +1,7 @@
 // What a click in the view means, and the pose that a finger has proposed there: only a second touch, on a button, uses it.
 
 import { $, element, text } from "../../dom.js";
-import { t, translate } from "../../language.js";
+import { figure, t, translate } from "../../language.js";
 import { GESTURE, position } from "./words.js";
 
 const GESTURES = ["pan", "navigate_to", "follow_waypoints", "set_pose", "save_place"];
@@ -108,7 +108,7 @@ export class Aiming {
     $("proposal").hidden = pose === null;
     if (!pose) return;
     this.#setNaming(false);
-    const degrees = ((pose.heading_rad * 180) / Math.PI).toFixed(0);
+    const degrees = figure((pose.heading_rad * 180) / Math.PI, 0);
     const heading = pose.heading_rad === null ? t("navigation.drag") : t("navigation.heading", { degrees });
     text("proposal-words", position("navigation.proposal", pose, { heading }));
     text("proposal-go", WORDS[view.gesture] ?? t("navigation.go_here"));

@@ -1,7 +1,7 @@
 // Navigation: what is aimed at in the view, the goal, named places, the list of goals, and what it costs to drive where.
 
 import { said } from "../../lately.js";
-import { t, translate } from "../../language.js";
+import { named, t, translate } from "../../language.js";
 import { because, plain } from "../../words.js";
 import { Aiming } from "./aiming.js";
 import { Costs } from "./costs.js";
@@ -60,7 +60,7 @@ export default class Navigation {
       words: (state, reason) => (state === "idle" ? "" : said(goal(state), because(state, reason))),
     });
     lately.describe("worker", {
-      words: (state, reason) => (["starting", "warming"].includes(state) ? "" : t("navigation.worker", { what: [state, plain(reason)].filter(Boolean).join(": ") })),
+      words: (state, reason) => (["starting", "warming"].includes(state) ? "" : t("navigation.worker", { what: [named("navigation.helper", state), plain(reason)].filter(Boolean).join(": ") })),
     });
     const marks = new Marks(view);
     const route = new Route(connection, ask, say, marks);

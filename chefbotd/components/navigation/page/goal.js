@@ -1,7 +1,7 @@
 // Where the robot is going, how far that is, and how it ended.
 
 import { $, text } from "../../dom.js";
-import { knows, t } from "../../language.js";
+import { figure, knows, t } from "../../language.js";
 import { because } from "../../words.js";
 import { goal as nameOf, HAS_FINGERS } from "./words.js";
 
@@ -78,7 +78,7 @@ export class Goal {
     const why = place && POSITION.test(given) ? "" : given;
     const what = place ? t(`navigation.to.${state}`, { place }) : nameOf(state);
     const isFar = going && typeof distance_m === "number";
-    const left = isFar ? t("navigation.left", { what, distance_m: distance_m.toFixed(1) }) : what;
+    const left = isFar ? t("navigation.left", { what, distance_m: figure(distance_m, 1) }) : what;
     const words = (begun) => `${begun}${why ? `: ${why}` : ""}`;
     const idle = this.#map === null ? NO_MAP : NO_GOAL;
     text("goal", state === "idle" ? idle : words(left));

@@ -1,6 +1,6 @@
 // What the page says of goals.
 
-import { named, t } from "../../language.js";
+import { figure, named, t } from "../../language.js";
 
 export const goal = (state) => named("navigation.state", state);
 
@@ -9,4 +9,4 @@ export const HAS_FINGERS = matchMedia("(hover: none) and (pointer: coarse)").mat
 export const GESTURE = t(HAS_FINGERS ? "navigation.tap" : "navigation.click");
 
 // Where a pose is, in the words of an id.
-export const position = (id, { x_m, y_m }, more = {}) => t(id, { x: x_m.toFixed(2), y: y_m.toFixed(2), ...more });
+export const position = (id, { x_m, y_m }, more = {}) => t(id, { x: figure(x_m, 2), y: figure(y_m, 2), ...more });

@@ -1,7 +1,7 @@
 // What is drawn on a map, for people: how large it is, and where it is, pointed out in the view.
 
 import { element } from "../../dom.js";
-import { t } from "../../language.js";
+import { figure, t } from "../../language.js";
 
 const [HALO_PX, LINE_PX] = [9, 3];
 const WALL_WIDTH_M = 0.05;
@@ -9,8 +9,8 @@ const SIGN = '<svg viewBox="0 0 24 24" aria-hidden="true"><path d="M4 9V4h5M20 9
 
 // "2.4 m" of a wall, along its points; "1.2 m²" of an area.
 export function sizeOf({ kind, points_m }) {
-  if (kind === "wall") return t("zones.size.length", { length_m: lengthOf(points_m).toFixed(1) });
-  return t("zones.size.area", { area_m2: areaOf(points_m).toFixed(1) });
+  if (kind === "wall") return t("zones.size.length", { length_m: figure(lengthOf(points_m), 1) });
+  return t("zones.size.area", { area_m2: figure(areaOf(points_m), 1) });
 }
 
 // Points one of several shapes out in the view; each has a button of its own, which is pressed while it is pointed out.

@@ -1,7 +1,7 @@
 // How the battery and the delay were lately, as small plots: a bounded number of samples each.
 
 import { $ } from "./dom.js";
-import { t } from "./language.js";
+import { figure, t } from "./language.js";
 
 const [WIDTH, HEIGHT, EDGE] = [100, 30, 2];
 
@@ -47,7 +47,7 @@ export class History {
       return command;
     });
     this.figure.querySelector("path").setAttribute("d", path.join(""));
-    const number = (value) => value.toFixed(this.digits);
+    const number = (value) => figure(value, this.digits);
     const span = length_s < 90 ? t("history.seconds", { count: Number(length_s.toFixed(0)) }) : t("history.minutes", { count: Number((length_s / 60).toFixed(0)) });
     const shown = number(low) === number(high) ? number(low) : t("history.range", { low: number(low), high: number(high) });
     const words = t("history.words", { name: t(this.name), shown, unit: this.unit, span });

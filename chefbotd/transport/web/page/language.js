@@ -9,6 +9,7 @@ const PATIENCE_MS = 3000;
 const ATTRIBUTES = "aria-label title placeholder".split(" ");
 
 export const language = chosen();
+const formats = new Map(); // of numbers, by language and digits
 const NOTHING = { version: "", words: {} };
 let all = ofLanguage(kept("words", NOTHING));
 show();
@@ -62,7 +63,24 @@ export function t(id, args = {}) {
   const own = all.words[id];
   const found = own ?? ENGLISH[id] ?? id;
   const pattern = typeof found === "string" ? found : found[new Intl.PluralRules(own ? language : "en").select(args.count)] ?? found.other;
-  return pattern.replace(/\{(\w+)\}/g, (whole, name) => (name in args ? isolated(String(args[name] ?? whole), own) : whole));
+  return pattern.replace(/\{(\w+)\}/g, (whole, name) => (name in args ? isolated(shown(args[name] ?? whole), own) : whole));
+}
+
+// A number with so many digits behind the language's decimal sign; nothing for none. The digits are those of the page's figures.
+export function figure(value, digits) {
+  if (value === null || value === undefined) return value;
+  return format({ minimumFractionDigits: digits, maximumFractionDigits: digits }).format(value);
+}
+
+function format(options) {
+  const tag = all.version ? language : "en"; // its words may not be there yet
+  const key = tag + JSON.stringify(options);
+  if (!formats.has(key)) formats.set(key, new Intl.NumberFormat(`${tag}-u-nu-latn`, { useGrouping: false, ...options }));
+  return formats.get(key);
+}
+
+function shown(value) {
+  return typeof value === "number" ? format({ maximumFractionDigits: 2 }).format(value) : String(value);
 }
 
 // Figures and names keep their own direction in a sentence that runs from the right (Unicode's FSI and PDI).

@@ -3,14 +3,14 @@
 
 import { $, element } from "./dom.js";
 import { knows, ready, t } from "./language.js";
-import { limit, mode, plain, sentence, told } from "./words.js";
+import { driverName, limit, mode, plain, sentence, told } from "./words.js";
 
 const MOST_LINES = 50; // of a kind: many of one do not push out those of another
 
 export class Lately {
   #sources = new Map([
     ["safety", { kind: "stops", words: safety }],
-    ["control", { kind: "stops", words: (_, name) => (name ? t("refused.lease_held", { driver: plain(name) }) : t("driver.nobody_drives")) }],
+    ["control", { kind: "stops", words: (_, name) => (name ? t("refused.lease_held", { driver: driverName(name) }) : t("driver.nobody_drives")) }],
   ]);
   #last = new Map();
   #states = new Map(); // what each part was last said to do

@@ -13,7 +13,7 @@ import { Sensors } from "./sensors.js";
 import { Stopping } from "./stopping.js";
 import { View } from "./view.js";
 import { Wheels } from "./wheels.js";
-import { offerLanguages, ready, t, tell } from "./language.js";
+import { figure, offerLanguages, ready, t, tell } from "./language.js";
 import { battery, board, firmware, firmwareFigures, limit, plain, refusal, sentence } from "./words.js";
 
 // Beside the page, wherever a proxy shows it.
@@ -79,7 +79,7 @@ connection.addEventListener("closed", () => {
 connection.addEventListener("ended", ({ detail: error }) => { if (error.kind !== "wrong_token") say(refusal(error)); });
 connection.addEventListener("stalled", ({ detail: stalled }) => tell($("connection"), stalled ? "connection.no_answer" : "connection.connected"));
 connection.addEventListener("latency", ({ detail }) => {
-  text("latency", `${detail.toFixed(0)} ms`);
+  text("latency", `${figure(detail, 0)} ms`);
   delay.add(detail);
 });
 connection.on("link", (link) => {
@@ -137,7 +137,7 @@ $("take").addEventListener("click", async () => {
 for (const [id, key, unit, digits] of [["linear", "linear_m_s", "m/s", 2], ["angular", "angular_rad_s", "rad/s", 1]]) {
   $(id).addEventListener("input", () => {
     speeds[key] = Number($(id).value);
-    text(`${id}-value`, `${speeds[key].toFixed(digits)} ${unit}`);
+    text(`${id}-value`, `${figure(speeds[key], digits)} ${unit}`);
   });
 }
 

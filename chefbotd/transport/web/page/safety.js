@@ -2,7 +2,7 @@
 
 import { $, text } from "./dom.js";
 import { ready, t } from "./language.js";
-import { doubt, full, limit, mode, plain, sentence, unplugged } from "./words.js";
+import { doubt, driverName, full, limit, mode, plain, sentence, unplugged } from "./words.js";
 
 const NOT_HEARD = new Set(["down", "silent", "wrong_baud", "wrong_device", "echo_stuck"]); // conditions in which a board may not obey
 const SAME_TIME_S = 0.1;
@@ -46,8 +46,8 @@ export class SafetyCard {
   #take(safety) {
     if (this.#safety?.armed && !safety.armed) this.driver.dead(); // what is still pressed is no wish to go on once it is armed
     [this.#safety, this.#latch] = [safety, safety.latch ?? null];
-    const drivers = Object.entries(safety.control).map(([source, client]) => `${plain(client)} (${source})`);
-    text("drivers", drivers.join(", ") || (safety.source ?? t("driver.nobody")));
+    const drivers = Object.entries(safety.control).map(([source, client]) => (client === source ? driverName(source) : `${plain(client)} (${driverName(source)})`));
+    text("drivers", drivers.join(", ") || (safety.source ? driverName(safety.source) : t("driver.nobody")));
     $("arm").disabled = safety.armed;
     $("arm").classList.toggle("wanted", !safety.armed && safety.mode !== "no_board");
     this.#show();

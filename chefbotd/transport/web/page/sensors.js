@@ -2,7 +2,7 @@
 
 import { SHOWN_HZ } from "./connection.js";
 import { $, element, text } from "./dom.js";
-import { t } from "./language.js";
+import { figure, t } from "./language.js";
 import { device, range } from "./words.js";
 import { scanPoints } from "./view.js";
 
@@ -52,9 +52,9 @@ export class Sensors {
   #write() {
     if (!this.#pose) return;
     const { robot } = this.view;
-    const turning = NARROW.matches ? "" : `, ${this.#pose.angular_rad_s.toFixed(2)} rad/s`;
-    const speed = this.#isInDoubt ? t("pose.speed_unknown") : `${this.#pose.linear_m_s.toFixed(2)} m/s${turning}`;
-    const figures = { x: robot.x_m.toFixed(2), y: robot.y_m.toFixed(2), degrees: ((robot.heading_rad * 180) / Math.PI).toFixed(0), speed };
+    const turning = NARROW.matches ? "" : `, ${figure(this.#pose.angular_rad_s, 2)} rad/s`;
+    const speed = this.#isInDoubt ? t("pose.speed_unknown") : `${figure(this.#pose.linear_m_s, 2)} m/s${turning}`;
+    const figures = { x: figure(robot.x_m, 2), y: figure(robot.y_m, 2), degrees: figure((robot.heading_rad * 180) / Math.PI, 0), speed };
     text("pose", t(this.#isInDoubt ? "pose.last" : "pose.now", figures));
   }
 

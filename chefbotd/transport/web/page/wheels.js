@@ -3,7 +3,7 @@
 import { $, element } from "./dom.js";
 import { SHOWN_HZ } from "./connection.js";
 import { Plot } from "./plot.js";
-import { ready, t } from "./language.js";
+import { figure, ready, t } from "./language.js";
 import { wheelName } from "./words.js";
 
 const NAMES = ["kp", "ki", "kd"];
@@ -41,7 +41,7 @@ export class Wheels {
     this.#plot.add(stamp_s, wheels);
     wheels.name.forEach((name, index) => {
       const cells = this.#row(name).children;
-      const number = (value, digits) => (value === null || value === undefined ? "–" : value.toFixed(digits));
+      const number = (value, digits) => (value === null || value === undefined ? "–" : figure(value, digits));
       cells[0].textContent = wheels.excluded.includes(name) ? t("wheel.excluded", { name: wheelName(name) }) : wheelName(name);
       [number(wheels.velocity_rad_s[index], 2), number(wheels.target_rad_s[index], 2), number(wheels.duty[index], 0)]
         .forEach((words, column) => { cells[column + 1].textContent = words; });

@@ -1,7 +1,7 @@
 // What the page says of the daemon's states and errors: their names in words of the reader's language.
 // The daemon's own sentences are for people already; here clients and wheels get the names that people know.
 
-import { isTranslated, knows, named, t } from "./language.js";
+import { figure, isTranslated, knows, named, t } from "./language.js";
 
 export const me = `page #${Math.random().toString(36).slice(2, 6)}`;
 
@@ -31,12 +31,17 @@ export function read(text) {
   return message;
 }
 
+function inWords(words, sentence) {
+  if (Array.isArray(sentence)) return words.map((each, index) => inWords(each, sentence[index]));
+  return sentence ? told({ ...sentence, message: words }) : words;
+}
+
 function sayInWords(value) {
   if (value === null || typeof value !== "object") return;
   for (const item of Object.values(value)) sayInWords(item);
   for (const [name, sentence] of Object.entries(value.said ?? {})) {
-    const words = { ...sentence, message: value[name] };
-    Object.defineProperty(value, name, { enumerable: true, get: () => told(words) }); // the language may come later
+    const words = value[name];
+    Object.defineProperty(value, name, { enumerable: true, get: () => inWords(words, sentence) }); // the language may come later
   }
 }
 
@@ -48,10 +53,15 @@ export function plain(reason) {
     .replace(/\b[a-z]+(?:_[a-z]+)*_wheel\b/g, (wheel) => t("wheel.the", { name: wheelName(wheel) }));
 }
 
+// Who drives, or has stopped the robot: a client by its own name, the robot's own sources by the reader's words.
+export const driverName = (name) => named("drives", plain(name));
+
+const DRIVERS = new Set(["source", "holder", "stopped_by", "by", "who"]); // the arguments that name one
+
 // What is refused for a kind alone; those that say more are below.
 const REFUSED = {
-  lease_held: ({ data }) => t("refused.lease_held", { driver: sentence(plain(data.holder)) }),
-  stopped: ({ data, message }) => (data.stopped_by ? t("refused.stopped", { by: plain(data.stopped_by) }) : sentence(told({ ...data, message }))),
+  lease_held: ({ data }) => t("refused.lease_held", { driver: sentence(driverName(data.holder)) }),
+  stopped: ({ data, message }) => (data.stopped_by ? t("refused.stopped", { by: driverName(data.stopped_by) }) : sentence(told({ ...data, message }))),
   invalid_params: ({ data }) => (data.fields ?? []).map(field).join(" ") || t("refused.invalid_params"),
 };
 
@@ -72,12 +82,13 @@ export function refusal(error) {
 // A sentence of the daemon by its id, where the language has it, else its English words. An argument may be a sentence, too.
 export function told({ id, arguments: args = {}, message }) {
   if (!isTranslated(`refusal.${id}`)) return plain(message);
-  return t(`refusal.${id}`, Object.fromEntries(Object.entries(args).map(([name, value]) => [name, argument(value)])));
+  return t(`refusal.${id}`, Object.fromEntries(Object.entries(args).map(([name, value]) => [name, argument(name, value)])));
 }
 
-function argument(value) {
-  if (typeof value === "number") return Number(value.toFixed(2));
-  return typeof value === "string" ? plain(value) : told(value);
+function argument(name, value) {
+  if (typeof value === "number") return value;
+  if (typeof value !== "string") return told(value);
+  return DRIVERS.has(name) ? driverName(value) : plain(value);
 }
 
 // What holds the robot back, by the name that the daemon has for it.
@@ -115,7 +126,7 @@ export function firmware(told) {
 // Its figures, in a sentence.
 export function firmwareFigures({ board: kind, reset_cause: cause, crc_errors: damaged, refused, deadman_stops: stops, round_trip_s: trip }) {
   const figures = t("firmware.figures", { kind, cause: cause.replaceAll("_", " "), damaged, refused, stops });
-  return trip === null ? figures : t("firmware.delay", { figures, delay_ms: (1000 * trip).toFixed(0) });
+  return trip === null ? figures : t("firmware.delay", { figures, delay_ms: figure(1000 * trip, 0) });
 }
 
 // How bad a safety mode is, and its words.
@@ -129,12 +140,12 @@ export function device({ healthy, condition, reason }) {
 }
 
 export function range({ status, range_m }) {
-  if (range_m !== null) return `${range_m.toFixed(2)} m`;
+  if (range_m !== null) return `${figure(range_m, 2)} m`;
   return knows(`range.${status}`) ? t(`range.${status}`) : t("range.none");
 }
 
 export const battery = ({ voltage_v, percentage, status }) => (
-  [t("battery.figures", { voltage_v: voltage_v.toFixed(1), percent: percentage.toFixed(0) }), knows(`battery.${status}`) ? t(`battery.${status}`) : ""].filter(Boolean).join(", "));
+  [t("battery.figures", { voltage_v: figure(voltage_v, 1), percent: figure(percentage, 0) }), knows(`battery.${status}`) ? t(`battery.${status}`) : ""].filter(Boolean).join(", "));
 
 // What a daemon's reason adds to a state: it may begin with the state's own name, or with its verb.
 export function because(state, reason) {
