@@ -152,7 +152,8 @@ def test_a_goal_that_is_queued_behind_a_paused_one_does_not_end_the_pause() -> N
         assert not [each for each in bench.worker.received if isinstance(each, Resume)]
         bench.lose_worker()
         await bench.new_worker()
-        assert bench.worker.received[-1] == Pause("paused by a key")
+        said = {"id": "navigation.paused_by", "arguments": {"by": "a key"}}
+        assert bench.worker.received[-1] == Pause("paused by a key", said)
         assert bench.worker.told_of() == [[1, 2]]
 
     benched(scenario)
