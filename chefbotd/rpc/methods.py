@@ -197,7 +197,10 @@ class ServerMethods:
     def _require_for_guests(self, names: Iterable[str]) -> None:
         for name in names:
             if not self._fanout.topics[name].for_guests:
-                raise Unserved(ErrorKind.FORBIDDEN, f"the topic {name} is not for guests")
+                raise Unserved(
+                    ErrorKind.FORBIDDEN,
+                    Sentence("socket.topic_not_for_guests", "the topic {name} is not for guests", name=name),
+                )
 
     @method(role=Role.DRIVE, moves=False)
     def take_control(self, caller: Caller, params: models.TakeControlParams) -> models.ControlTaken:

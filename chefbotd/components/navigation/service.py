@@ -226,7 +226,7 @@ class NavigationService(StatefulPart[NavigationState]):
         if not queue or not before:
             self.memory.paused = ""
             if self.memory.is_taken_over:
-                self._requests.put(messages.Pause(self._why_taken_over()))
+                self._requests.put(_pause(self._why_taken_over()))
 
     def result(self, goals: Sequence[int]) -> GoalResult:
         """How these have ended, if they have."""

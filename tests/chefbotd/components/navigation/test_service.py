@@ -166,7 +166,8 @@ def test_a_goal_that_is_sent_while_somebody_drives_waits_until_he_lets_go() -> N
         bench.safety(source="teleop")
         await bench.navigate(HERE)
         await asyncio.sleep(0.1)
-        assert bench.worker.received[-1] == Pause("paused, because teleop has control")
+        said = {"id": "navigation.taken_over", "arguments": {"source": "teleop"}}
+        assert bench.worker.received[-1] == Pause("paused, because teleop has control", said)
         bench.service.resume()
         await asyncio.sleep(0.1)
         assert isinstance(bench.worker.received[-1], Pause)
