@@ -40,6 +40,8 @@ NEEDS_BROWSER = pytest.mark.skipif(
 PATIENCE_MS = 1000 * PATIENCE_S
 MOVES_M_S, STANDS_M_S = 0.05, 0.01
 PROGRAM = [sys.executable, "-c", "from chefbotd.start import chefbotd; chefbotd()"]
+OWN_TOKEN = "o" * 32
+"""Of the test itself, beside that of who looks at the page."""
 
 
 class RunningRobot:
@@ -65,7 +67,7 @@ class RunningRobot:
             text = text.replace(old, f"port = {new}")
         if token is not None:
             tokens = folder / "tokens"
-            tokens.write_text(f"{role} {token}\n")
+            tokens.write_text(f"{role} {token}\nadmin {OWN_TOKEN}\n")
             tokens.chmod(0o600)
             text = text.replace("[api]\n", f'[api]\ntoken_file = "{tokens}"\n')
         if origins:
@@ -96,7 +98,7 @@ class RunningRobot:
         ends_s = time.monotonic() + PATIENCE_S
         while time.monotonic() < ends_s:
             try:
-                return SyncClient.connect("127.0.0.1", self.api_port, token=self.token)
+                return SyncClient.connect("127.0.0.1", self.api_port, token=self.token and OWN_TOKEN)
             except OSError:
                 assert self.process.poll() is None, self.log
                 time.sleep(0.1)

@@ -36,7 +36,10 @@ class GuestDaemon(FakeDaemon):
     RESULTS: ClassVar[dict[str, Any]] = {
         **FakeDaemon.RESULTS,
         "authenticate": {"role": "guest"},
-        "describe": {"methods": {name: {"role": "drive"} for name in FakeDaemon.METHODS[:1]}},
+        "describe": {
+            "methods": {name: {"role": "drive", "for_guests": False} for name in FakeDaemon.METHODS[:1]},
+            "topics": {"recording": {"for_guests": False}},
+        },
     }
 
 
