@@ -4,6 +4,7 @@ Which goals there are is decided here. When somebody ends one, that is told at o
 delays it nor takes it back. Goals that are left outlive the worker; the next one is told of them.
 """
 
+import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from types import NoneType
@@ -466,7 +467,8 @@ class NavigationService(StatefulPart[NavigationState]):
 
 
 def _pause(why: str) -> messages.Pause:
-    return messages.Pause(why, sentence_data(why))
+    data = sentence_data(why)
+    return messages.Pause(why, json.dumps(data) if data else "")
 
 
 def _why_refused(refusal: Refused) -> str:

@@ -1,5 +1,6 @@
 """The skill that drives to goals, on the map and with the pose of the skill ``localization``."""
 
+import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Final
@@ -161,7 +162,7 @@ class NavigationSkill:
             case requests.KeepGoals() as request:
                 navigator.keep([mine for mine, theirs in self._numbers.items() if theirs in request.numbers])
             case requests.Pause() as request:
-                navigator.pause(sentence_of(request.reason, request.said))
+                navigator.pause(sentence_of(request.reason, json.loads(request.said or "{}")))
             case requests.Resume():
                 navigator.resume()
             case requests.PlanTo() as request:

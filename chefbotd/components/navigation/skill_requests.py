@@ -4,7 +4,7 @@ The daemon's side loads neither numpy nor a compiler.
 """
 
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import msgspec
 
@@ -73,10 +73,10 @@ class KeepGoals(Message, frozen=True, tag="keep_goals"):
 
 
 class Pause(Message, frozen=True, tag="pause"):
-    """Stand until ``Resume``; ``reason`` says why, ``said`` has its id and its arguments, where it has some."""
+    """Stand until ``Resume``; ``reason`` says why, ``said`` has its id and its arguments as JSON, where it has some."""
 
     reason: str
-    said: dict[str, Any] = {}
+    said: str = ""
 
 
 class Resume(Message, frozen=True, tag="resume"):

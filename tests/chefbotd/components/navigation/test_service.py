@@ -2,6 +2,7 @@
 
 import asyncio
 import itertools
+import json
 from types import SimpleNamespace
 from typing import Any
 
@@ -153,7 +154,7 @@ def test_a_goal_that_is_queued_behind_a_paused_one_does_not_end_the_pause() -> N
         bench.lose_worker()
         await bench.new_worker()
         said = {"id": "navigation.paused_by", "arguments": {"by": "a key"}}
-        assert bench.worker.received[-1] == Pause("paused by a key", said)
+        assert bench.worker.received[-1] == Pause("paused by a key", json.dumps(said))
         assert bench.worker.told_of() == [[1, 2]]
 
     benched(scenario)
@@ -167,7 +168,7 @@ def test_a_goal_that_is_sent_while_somebody_drives_waits_until_he_lets_go() -> N
         await bench.navigate(HERE)
         await asyncio.sleep(0.1)
         said = {"id": "navigation.taken_over", "arguments": {"source": "teleop"}}
-        assert bench.worker.received[-1] == Pause("paused, because teleop has control", said)
+        assert bench.worker.received[-1] == Pause("paused, because teleop has control", json.dumps(said))
         bench.service.resume()
         await asyncio.sleep(0.1)
         assert isinstance(bench.worker.received[-1], Pause)
