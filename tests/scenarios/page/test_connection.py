@@ -98,7 +98,7 @@ def test_twenty_tablets_that_do_not_read_cost_the_robot_nothing(page: Any, robot
         tablets = [slow_tablet(robot.page_port) for _ in range(20)]
         time.sleep(10.0)
         after = client.get_stats()
-        sync_api.expect(page.locator("#drivers")).to_have_text("this page (teleop)")
+        sync_api.expect(page.locator("#drivers")).to_have_text("this page (driving by hand)")
         mode_is(page, "Ready to drive")
         assert until(lambda: int(page.locator("#latency").inner_text().removesuffix(" ms")) < 500)
         page.keyboard.up("KeyA")

@@ -35,7 +35,7 @@ def test_a_key_drives_until_it_is_let_go(page: Any, robot: RunningRobot) -> None
     with robot.client() as client:
         page.keyboard.down("KeyS")
         assert moves(client, -1)
-        sync_api.expect(page.locator("#drivers")).to_have_text("this page (teleop)")
+        sync_api.expect(page.locator("#drivers")).to_have_text("this page (driving by hand)")
         page.keyboard.up("KeyS")
         assert comes_to_rest(client)
         sync_api.expect(page.locator("#drivers")).to_have_text("nobody")
@@ -123,7 +123,7 @@ def test_taking_over_from_another_driver(page: Any, robot: RunningRobot) -> None
         assert "lease_held" not in refused
         page.locator("#take").click()
         page.keyboard.down("KeyW")
-        sync_api.expect(page.locator("#drivers")).to_have_text("this page (teleop)")
+        sync_api.expect(page.locator("#drivers")).to_have_text("this page (driving by hand)")
         assert until(lambda: "lease_held" in refused)
     finally:
         ends.set()

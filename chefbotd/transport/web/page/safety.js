@@ -46,8 +46,6 @@ export class SafetyCard {
   #take(safety) {
     if (this.#safety?.armed && !safety.armed) this.driver.dead(); // what is still pressed is no wish to go on once it is armed
     [this.#safety, this.#latch] = [safety, safety.latch ?? null];
-    const drivers = Object.entries(safety.control).map(([source, client]) => (client === source ? driverName(source) : `${plain(client)} (${driverName(source)})`));
-    text("drivers", drivers.join(", ") || (safety.source ? driverName(safety.source) : t("driver.nobody")));
     $("arm").disabled = safety.armed;
     $("arm").classList.toggle("wanted", !safety.armed && safety.mode !== "no_board");
     this.#show();
@@ -81,12 +79,18 @@ export class SafetyCard {
   }
 
   #show() {
+    if (this.#safety) text("drivers", this.#drivers(this.#safety));
     const why = this.#doubt();
     if (why !== null) this.#write(doubt(why, this.#connection === "works" ? null : this.#deadman_ms));
     else if (this.#safety) this.#write(this.#known(this.#safety));
     else this.#write(["warn", t("mode.unknown"), t("mode.unknown_why")]);
     document.body.classList.toggle("old", why !== null || !this.#safety);
     this.told(why !== null);
+  }
+
+  #drivers({ control, source: inForce }) {
+    const drivers = Object.entries(control).map(([source, client]) => (client === source ? driverName(source) : `${plain(client)} (${driverName(source)})`));
+    return drivers.join(", ") || (inForce ? driverName(inForce) : t("driver.nobody"));
   }
 
   #known(safety) {

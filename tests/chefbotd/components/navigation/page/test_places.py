@@ -44,7 +44,8 @@ def test_a_touch_on_a_place_sends_the_robot_and_the_page_says_where_it_goes(
     assert until(lambda: daemon.was_asked("navigate_to"))
     assert daemon.last("navigate_to") == {"place": "table 3"}
     why = "drives to (3.00, 4.00)"  # as the daemon says it: the place has a name
-    daemon.say("navigation", state="driving", goal=7, reason=why, distance_m=1.52, time_s=4.0)
+    said = {"reason": {"id": "navigation.drives_to", "arguments": {"x_m": 3.0, "y_m": 4.0}}}
+    daemon.say("navigation", state="driving", goal=7, reason=why, said=said, distance_m=1.52, time_s=4.0)
     sync_api.expect(page.locator("#goal")).to_have_text("Going to table 3, 1.5 m left")
     sync_api.expect(page.locator("#goal-told")).to_have_text("Going to table 3")
     assert barriers(page) == []
