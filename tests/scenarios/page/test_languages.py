@@ -446,6 +446,6 @@ def test_the_robots_own_drivers_have_words(page: Any, served: str) -> None:
     """A client's own name stays."""
     daemon = opened(page, served, "de")
     data = {"mode": "armed", "reason": "", "armed": True, "source": None, "limited_by": None}
-    daemon.say("safety", **data, control={"navigation": "navigation", "teleop": "Ann"})
+    daemon.say("safety", **data, control={"navigation": "the robot's own navigation", "teleop": "Ann"})
     drivers = page.locator("#drivers")
     sync_api.expect(drivers).to_have_text("die Navigation des Roboters, Ann (das Fahren von Hand)")

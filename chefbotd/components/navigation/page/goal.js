@@ -8,7 +8,7 @@ import { goal as nameOf, HAS_FINGERS } from "./words.js";
 export const GOING = ["planning", "driving", "recovering", "paused"];
 const QUEUE_SHOWN_MS = 2000; // how often it is looked whether others have added goals
 const NEAR_M = 0.01; // a goal that is so near to a place is that place
-const POSITION = "navigation.drives_to"; // says nothing to whoever knows the place by its name
+const POSITION = ".drives_to"; // the end of the id of what says nothing to whoever knows the place by its name
 const NO_GOAL = t(HAS_FINGERS ? "navigation.no_goal_tap" : "navigation.no_goal_click");
 const NO_MAP = t(HAS_FINGERS ? "navigation.no_map_tap" : "navigation.no_map_click");
 
@@ -74,7 +74,7 @@ export class Goal {
     const { state, reason, said, distance_m } = this.#last;
     const going = GOING.includes(state);
     const place = this.#named.goal === this.#last.goal && knows(`navigation.to.${state}`) && this.#named.place;
-    const why = place && said?.reason?.id === POSITION ? "" : because(state, reason);
+    const why = place && said?.reason?.id.endsWith(POSITION) ? "" : because(state, reason);
     const what = place ? t(`navigation.to.${state}`, { place }) : nameOf(state);
     const isFar = going && typeof distance_m === "number";
     const left = isFar ? t("navigation.left", { what, distance_m: figure(distance_m, 1) }) : what;

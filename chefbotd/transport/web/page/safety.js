@@ -89,7 +89,7 @@ export class SafetyCard {
   }
 
   #drivers({ control, source: inForce }) {
-    const drivers = Object.entries(control).map(([source, client]) => (client === source ? driverName(source) : `${plain(client)} (${driverName(source)})`));
+    const drivers = Object.entries(control).map(([source, client]) => (driverName(client) === driverName(source) ? driverName(source) : `${plain(client)} (${driverName(source)})`));
     return drivers.join(", ") || (inForce ? driverName(inForce) : t("driver.nobody"));
   }
 

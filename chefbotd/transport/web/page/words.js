@@ -54,7 +54,9 @@ export function plain(reason) {
 }
 
 // Who drives, or has stopped the robot: a client by its own name, the robot's own sources by the reader's words.
-export const driverName = (name) => named("drives", plain(name));
+export const driverName = (name) => named("drives", plain(name).replace(OWN, ""));
+
+const OWN = /^the robot's own (?=[a-z]+$)/; // what the daemon calls its own drivers
 
 const DRIVERS = new Set(["source", "holder", "stopped_by", "by", "who"]); // the arguments that name one
 
