@@ -97,18 +97,29 @@ def test_each_sentence_that_is_said_is_in_the_catalogue_and_each_of_it_is_said(f
     assert silent == set()
 
 
+def refusals(language: str) -> dict[str, str | dict[str, str]]:
+    """The daemon's sentences by their ids as a language says them, of every folder."""
+    told: dict[str, str | dict[str, str]] = {}
+    for folder in FOLDERS:
+        words = catalogue(folder, language)
+        told.update(
+            {key.removeprefix("refusal."): words[key] for key in words.keys() - of_page(words).keys()}
+        )
+    return told
+
+
+@pytest.mark.parametrize("language", sorted(PLURALS.keys() - {"en"}))
+def test_each_language_has_words_for_each_sentence_of_the_daemon(language: str) -> None:
+    """And for none that the daemon does not say."""
+    assert refusals(language).keys() == dict(patterns()).keys()
+
+
 @pytest.mark.parametrize("language", sorted(PLURALS.keys() - {"en"}))
 def test_a_refusal_of_the_daemon_says_the_same_in_each_language(language: str) -> None:
-    """With the arguments of its English sentence; each language has the same ones of them."""
+    """With the arguments of its English sentence."""
     english = {key: set(re.findall(r"\{(\w+)", pattern)) for key, pattern in patterns()}
-    told: dict[str, dict[str, str | dict[str, str]]] = {"de": {}, language: {}}
-    for other, words in told.items():
-        for folder in FOLDERS:
-            whole = catalogue(folder, other)
-            words.update({key: whole[key] for key in whole.keys() - of_page(whole).keys()})
-    assert told[language].keys() == told["de"].keys()
-    for key, sentence in told[language].items():
-        assert placeholders(sentence) == english[key.removeprefix("refusal.")], key
+    for key, sentence in refusals(language).items():
+        assert placeholders(sentence) == english[key], key
 
 
 class Texts(HTMLParser):
