@@ -6,6 +6,8 @@ import re
 from importlib import import_module
 from pathlib import Path
 
+import pytest
+
 from chefbotd.component_list import own_components
 from chefbotd.composition.network import cards_of
 from chefbotd.transport.web import server
@@ -76,13 +78,17 @@ def test_the_pages_own_style_sheet_styles_no_component() -> None:
 MOST_COMPRESSED_BYTES = 150_000
 
 
-def test_the_whole_page_is_light() -> None:
+@pytest.mark.parametrize("language", ["en", "de", "es", "ar"])
+def test_the_whole_page_is_light(language: str) -> None:
     """With every card of ours and one language, compressed as it is sent: 150 kB at most."""
     parts = [(component.name, part) for component in own_components() for part in component.page]
     files = page_files(cards_of(parts))
     loaded = [
-        path for path in files if path != "/index.html" and (path.endswith("/en.json") or ".json" not in path)
+        path
+        for path in files
+        if path == f"/languages/{language}.json" or (path != "/index.html" and ".json" not in path)
     ]
+    assert f"/languages/{language}.json" in loaded
     assert sum(len(files[path].compressed) for path in loaded) < MOST_COMPRESSED_BYTES
     assert all(gzip.decompress(file.compressed) == file.body for file in files.values())
 
