@@ -105,7 +105,7 @@ class TuningService(StatefulPart[TuningState]):
         if expected := self._expected_of_limits(after):
             reason = Sentence(
                 "tuning.output_limit",
-                "output_limit={value!r}: expected {expected}",
+                "the output cannot be limited to {value}: expected {expected}",
                 value=changes["output_limit"],
                 expected=expected,
             )

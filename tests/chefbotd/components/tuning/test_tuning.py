@@ -121,7 +121,7 @@ def test_no_gain_reaches_beyond_the_duty_range():
     loop = Loop()
     tuning = TuningService(loop, 1023)
     before = gains_of(tuning)
-    with pytest.raises(Refused, match=r"output_limit=30000: expected at most 1023") as refusal:
+    with pytest.raises(Refused, match=r"limited to 30000: expected at most 1023") as refusal:
         tuning.change("all", {"output_limit": 30000, "kv": 80000})
     assert refusal.value.kind is RefusalKind.OUT_OF_RANGE
     assert gains_of(tuning) == before
@@ -130,7 +130,7 @@ def test_no_gain_reaches_beyond_the_duty_range():
 def test_no_output_limit_blinds_the_watch_over_the_wheels():
     """Wheels are watched from a duty of 122.76 on: a limit of 122 is refused with both numbers, 123 is taken."""
     tuning = TuningService(Loop(), 1023, 122.76)
-    with pytest.raises(Refused, match=r"output_limit=122: expected more than 122.76") as refusal:
+    with pytest.raises(Refused, match=r"limited to 122: expected more than 122.76") as refusal:
         tuning.change("left", {"output_limit": 122})
     assert refusal.value.kind is RefusalKind.OUT_OF_RANGE
     assert tuning.change("left", {"output_limit": 123})["left"].output_limit == 123.0
