@@ -53,7 +53,7 @@ def test_numbers_are_plotted_kept_over_a_reload_and_cost_nothing_out_of_sight(
             assert until(lambda: page.evaluate(DRAWN) > 100)
             back = page.get_by_label("Look back")
             back.press("ArrowLeft")
-            sync_api.expect(page.locator("#plot-then")).to_have_text("0.1 s ago")
+            sync_api.expect(page.locator("#plot-then")).to_have_text("0.2 s ago")  # 0.15 s, half a step up
             page.get_by_role("button", name="Pause").click()
             sync_api.expect(page.get_by_role("button", name="Pause")).to_have_attribute(
                 "aria-pressed", "true"
