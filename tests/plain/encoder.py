@@ -97,7 +97,9 @@ class Decoder:
             ]
             judged_s = min(elapsed_s, GAP_CYCLES * min(cycles_s))
         allowed_rad = most_rad_s2 * judged_s * (window_s + judged_s) / 2
-        tolerance = allowed_rad * counts_per_rad + self._params.tolerance_counts
+        tolerance = (
+            max(allowed_rad, 0.0) * counts_per_rad + self._params.tolerance_counts
+        )  # a clock may go back
         expected = [velocity * elapsed_s * counts_per_rad for velocity in self._velocity()]
         wheels = zip(self._signs, moved, expected, strict=True)
         return any(abs(sign * counted - way) > tolerance for sign, counted, way in wheels)

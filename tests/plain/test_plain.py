@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import astuple
 
@@ -79,6 +79,7 @@ def close(reading: Reading) -> list[object]:
     ]
 
 
+@example([(0, 0, 0, 0.01)] * 4 + [(0, 0, 0, -0.01)], 300.0, 0.0, 16)
 @given(FRAMES, st.sampled_from([None, 300.0]), st.sampled_from([0.0, 0.4]), st.sampled_from([16, 32]))
 @settings(max_examples=examples(300))
 def test_a_frame_of_the_encoders(
