@@ -210,7 +210,7 @@ def test_a_clients_role_is_its_tokens(tmp_path: Path) -> None:
             bearer = {"Authorization": f"Bearer {tokens['drive']}"}
             async with (
                 connect(url, additional_headers=bearer) as driver,
-                Client.connect(port=port, token=tokens["guest"]) as robot,
+                Client.connect(port=port, token=tokens["agent"]) as robot,
             ):
                 await robot.wait_until_armed()
                 async with repeating(driver):
