@@ -76,10 +76,8 @@ class SendWindow(StatefulPart[WindowState]):
         self._stop_room = 2 * size_of(self._still)
         self._classic_room_bytes = room_bytes
         self.is_checked, self._seal_bytes = False, 0
-        self.memory, self.unread_bytes = (
-            WindowState(self._still),
-            0,
-        )  # of the board's buffer that may be in use
+        self.memory = WindowState(self._still)
+        self.unread_bytes = 0  # of the board's buffer: what may be in use
 
     def set_mode(self, *, is_checked: bool) -> None:
         """Commands are sealed from now on, or not any more."""
