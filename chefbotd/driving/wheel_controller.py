@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 
 from chefbotd.core.geometry import WheelDuties, WheelVelocities
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, StatefulPart
 from chefbotd.driving.wheel_reader import WheelsRead
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.drive_state import DriveState
@@ -17,17 +17,17 @@ UNLIKE_M_S = 0.01
 """A smaller difference between what the board obeys and what was thought waits for the next step: the wire is slow."""
 
 
-class LimitsState(Record, frozen=True):
+class LimitsState(MutableState):
     """The limits in force, and those that wait until the robot is at rest."""
 
     limits: MotionLimits
-    waiting: MotionLimits | None
+    waiting: MotionLimits | None = None
 
 
-class WheelController:
+class WheelController(StatefulPart[LimitsState]):
     """Steps the drive; ``drive_state`` has the setpoints and duties that are in force.
 
-    ``wheel_names`` has the drive's order.
+    ``wheel_names`` has the drive's order. The ``memory`` is of the limits; gains and ``drive_state`` are in other parts.
     ``duty_ceiling`` is the highest duty of each wheel while faster commands are held back on the way to the board, as
     ``is_held_back`` says of the last step.
     """
@@ -42,19 +42,17 @@ class WheelController:
         self.drive_state = drive.at_rest
         self._knows_its_motors = drive.knows_its_motors
         self.is_held_back = False
-        self._waiting: tuple[MotionLimits, Callable[[], None]] | None = None
+        self.memory = LimitsState(drive.limits)
+        self._then: Callable[[], None] = lambda: None
         self._on_limits: Callable[[MotionLimits], None] = lambda limits: None
         self._on_gains: Callable[[Mapping[str, PidParameters]], None] = lambda gains: None
 
-    def state(self) -> LimitsState:
-        """The state of the limits; gains and ``drive_state`` are in other parts."""
-        return LimitsState(self._drive.limits, None if self._waiting is None else self._waiting[0])
-
     def restore(self, state: LimitsState) -> None:
         """Restore the limits; no request waits for pending ones."""
+        super().restore(state)
         self._drive.relimit(state.limits)
         self._on_limits(state.limits)
-        self._waiting = None if state.waiting is None else (state.waiting, lambda: None)
+        self._then = lambda: None
 
     def call_on_limits(self, handler: Callable[[MotionLimits], None]) -> None:
         """Call ``handler`` with the new limits after each change."""
@@ -185,19 +183,20 @@ class WheelController:
 
         Of several pending changes, the last one is made.
         """
-        self._waiting = limits, then
+        self.memory.waiting, self._then = limits, then
         self.make_change()
-        return self._waiting is None
+        return self.memory.waiting is None
 
     @property
     def change_waits(self) -> bool:
         """Whether a change waits for the robot to be at rest."""
-        return self._waiting is not None
+        return self.memory.waiting is not None
 
     def make_change(self) -> None:
         """Make the change that waits, if the robot is at rest."""
-        if self._waiting is not None and self.rests:
-            (limits, then), self._waiting = self._waiting, None
-            self._drive.relimit(limits)
-            self._on_limits(limits)
-            then()
+        memory = self.memory
+        if memory.waiting is not None and self.rests:
+            memory.limits, memory.waiting = memory.waiting, None
+            self._drive.relimit(memory.limits)
+            self._on_limits(memory.limits)
+            self._then()

@@ -1,6 +1,5 @@
 """What the board says: each message as an event, at the time of the cycle that it belongs to."""
 
-from collections import deque
 from collections.abc import Callable, Mapping
 from itertools import accumulate
 from typing import Any, TypeAlias
@@ -21,7 +20,7 @@ from chefbotd.core.events import (
     TextReceived,
     UltrasonicEchoed,
 )
-from chefbotd.core.record import MutableState, Record, StatefulPart
+from chefbotd.core.record import MutableState, Record, StatefulPart, StatefulValue
 from chefbotd.link.board_clock import BoardClock, CycleClock, StampVerdict
 from chefbotd.link.firmware import BoardFirmware
 from chefbotd.link.health import show
@@ -74,37 +73,27 @@ EdgesOrStill: TypeAlias = tuple[QuadratureEdges | None, QuadratureStill | None]
 """Either kind of burst."""
 
 
-class BurstBuffer:
+class BurstBuffer(StatefulValue[list[EdgesOrStill]]):
     """Collects bursts in the order in which they came, and dates them by the board's clock."""
 
     def __init__(self, clock: BoardClock) -> None:
         self._clock = clock
-        self._bursts: deque[QuadratureEdges | QuadratureStill] = deque(maxlen=MOST_BURSTS)
-
-    def state(self) -> tuple[EdgesOrStill, ...]:
-        """What it keeps."""
-        return tuple(
-            [(burst, None) if isinstance(burst, QuadratureEdges) else (None, burst) for burst in self._bursts]
-        )
-
-    def restore(self, state: tuple[EdgesOrStill, ...]) -> None:
-        """Keep that."""
-        self._bursts.clear()
-        self._bursts.extend([burst for pair in state for burst in pair if burst is not None])
+        self.memory: list[EdgesOrStill] = []
 
     def put(self, burst: QuadratureEdges | QuadratureStill) -> None:
         """Keep a burst for the cycle's end."""
-        self._bursts.append(burst)
+        self.memory.append((burst, None) if isinstance(burst, QuadratureEdges) else (None, burst))
+        del self.memory[:-MOST_BURSTS]
 
     def forget(self) -> None:
         """Forget the bursts: the board has restarted, and so has its clock."""
-        self._bursts.clear()
+        self.memory.clear()
 
     def empty(self) -> tuple[EdgeBurst, ...]:
         """Every burst collected since the last time, dated; none before the clock has been read."""
-        bursts = tuple(dated for burst in self._bursts if (dated := self._dated(burst)) is not None)
-        self._bursts.clear()
-        return bursts
+        kept = [burst for pair in self.memory for burst in pair if burst is not None]
+        self.memory.clear()
+        return tuple([dated for burst in kept if (dated := self._dated(burst)) is not None])
 
     def _dated(self, burst: QuadratureEdges | QuadratureStill) -> EdgeBurst | None:
         if isinstance(burst, QuadratureStill):
@@ -128,7 +117,7 @@ class BoardReaderState(MutableState):
     board_clock: BoardClock
     cycle_clock: CycleClock = field(default_factory=CycleClock)
     cycle_has_time: bool = False
-    edges: tuple[EdgesOrStill, ...] = ()
+    edges: list[EdgesOrStill] = []
 
 
 class BoardReader(StatefulPart[BoardReaderState]):

@@ -10,7 +10,7 @@ from typing import Protocol
 from msgspec import Struct
 
 from chefbotd.core.events import ControlChanged
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, StatefulPart
 from chefbotd.core.sentence import Sentence
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.rpc.method import Unserved
@@ -33,24 +33,21 @@ class Sources(Struct, frozen=True):
     take_over: TakeOver
 
 
-class Lease(Struct):
-    """Whose a source is, and when it last tried to drive."""
+class Lease(MutableState, array_like=True):
+    """Whose a source is, by the client's number, and when it last tried to drive."""
 
-    holder: Session
+    holder: int
     stamp_s: float
 
 
-class LeasesState(Record, frozen=True):
-    """The clients that have a source, and the leases by source: whose by the client's number, and their stamps.
+class LeasesState(MutableState):
+    """The clients that have a source, and the leases by source. The robot's own drivers are counted down from -1."""
 
-    The robot's own drivers are counted down from -1.
-    """
-
-    clients: list[SessionState]
-    leases: dict[str, tuple[int, float]]
+    clients: list[SessionState] = []
+    leases: dict[str, Lease] = {}
 
 
-class ControlLeases:
+class ControlLeases(StatefulPart[LeasesState]):
     """The leases by source; ``withdraw`` forgets a source's command, ``announce`` tells who drives."""
 
     def __init__(
@@ -62,44 +59,46 @@ class ControlLeases:
     ) -> None:
         self._lease_s, self.stop_hold_s = lease_s, stop_hold_s
         self._withdraw, self._announce = withdraw, announce
-        self._leases: dict[str, Lease] = {}
-        self._own: list[Session] = []
+        self.memory = LeasesState()
+        self._own: dict[int, Session] = {}
+        self._holders: dict[int, Session] = {}
 
     def add_own(self, session: Session) -> None:
         """A driver inside the daemon is to have leases, too."""
-        self._own.append(session)
+        self._own[-1 - len(self._own)] = session
 
     def state(self) -> LeasesState:
         """Return the state of this part."""
-        own = {id(session): -index for index, session in enumerate(self._own, 1)}
-        leases = {
-            source: (own.get(id(lease.holder), lease.holder.number), lease.stamp_s)
-            for source, lease in self._leases.items()
-        }
-        clients = {client.number: client.state() for client in self.sessions() if id(client) not in own}
-        return LeasesState(list(clients.values()), leases)
+        self.memory.clients = [
+            holder.state() for number, holder in self._holders.items() if number not in self._own
+        ]
+        return self.memory
 
     def restore(self, state: LeasesState) -> None:
         """Restore this state; raises ``KeyError`` for a number without a client."""
-        sessions = {client.number: Session.restored(client) for client in state.clients}
-        sessions |= {-index: session for index, session in enumerate(self._own, 1)}
-        self._leases = {
-            source: Lease(sessions[number], at_s) for source, (number, at_s) in state.leases.items()
-        }
+        sessions = self._own | {client.number: Session.restored(client) for client in state.clients}
+        self._holders = {lease.holder: sessions[lease.holder] for lease in state.leases.values()}
+        super().restore(state)
 
     def holder(self, source: str, now_s: float) -> Session | None:
         """Whose a source is."""
-        lease = self._leases.get(source)
-        return lease.holder if lease is not None and now_s - lease.stamp_s <= self._lease_s else None
+        lease = self.memory.leases.get(source)
+        if lease is None or now_s - lease.stamp_s > self._lease_s:
+            return None
+        return self._holders[lease.holder]
 
     @property
     def any_held(self) -> bool:
         """Whether a lease can expire."""
-        return bool(self._leases)
+        return bool(self.memory.leases)
 
     def has(self, session: Session) -> bool:
         """Whether a client has control of a source."""
-        return any(lease.holder is session for lease in self._leases.values())
+        return any(holder is session for holder in self._holders.values())
+
+    def sessions(self) -> list[Session]:
+        """Every client that has a source."""
+        return list(self._holders.values())
 
     def require(self, source: str, session: Session, now_s: float) -> None:
         """Let a client drive a source; raises ``Unserved`` when another client has control of it."""
@@ -116,28 +115,25 @@ class ControlLeases:
                 {"source": source, "holder": str(holder)},
             )
         if holder is not None:
-            self._leases[source].stamp_s = now_s
-
-    def sessions(self) -> list[Session]:
-        """Every client that has a source."""
-        return [lease.holder for lease in self._leases.values()]
+            self.memory.leases[source].stamp_s = now_s
 
     def drivers(self, now_s: float) -> dict[str, str]:
         """The client that drives each source; a client that let go drives none."""
         return {
-            s: str(lease.holder) for s, lease in self._leases.items() if not self._has_let_go(lease, now_s)
+            source: str(self._holders[lease.holder])
+            for source, lease in self.memory.leases.items()
+            if now_s - lease.stamp_s < self.stop_hold_s
         }
-
-    def _has_let_go(self, lease: Lease, now_s: float) -> bool:
-        return now_s - lease.stamp_s >= self.stop_hold_s
 
     def renew(self, source: str, session: Session, now_s: float) -> None:
         """The client has driven: the source is its own from now on."""
-        lease = self._leases.get(source)
-        if lease is not None and lease.holder is session:
+        lease = self.memory.leases.get(source)
+        if lease is not None and self._holders[lease.holder] is session:
             lease.stamp_s = now_s
         else:
-            self._leases[source] = Lease(session, now_s)
+            number = next((own for own, driver in self._own.items() if driver is session), session.number)
+            self._holders[number] = session
+            self.memory.leases[source] = Lease(number, now_s)
             self._announce_control(now_s)
 
     def take_source(self, source: str, session: Session, now_s: float) -> Session | None:
@@ -150,9 +146,10 @@ class ControlLeases:
 
     def release(self, session: Session, now_s: float) -> list[str]:
         """End all leases of a client, and withdraw its commands; the sources that it had."""
-        sources = [source for source, lease in self._leases.items() if lease.holder is session]
+        leases = self.memory.leases
+        sources = [source for source, lease in leases.items() if self._holders[lease.holder] is session]
         for source in sources:
-            del self._leases[source]
+            del leases[source]
             self._withdraw(source)
         if sources:
             self._announce_control(now_s)
@@ -160,20 +157,25 @@ class ControlLeases:
 
     def forget(self) -> None:
         """End every lease and withdraw nothing: the daemon is ending, and stops the robot itself."""
-        self._leases.clear()
+        self.memory.leases.clear()
+        self._holders.clear()
 
     def expire(self, now_s: float) -> None:
         """Forget the leases that have ended with time."""
-        over = [source for source in self._leases if self.holder(source, now_s) is None]
+        over = [source for source in self.memory.leases if self.holder(source, now_s) is None]
         for source in over:
-            del self._leases[source]
+            del self.memory.leases[source]
         if over:
             self._announce_control(now_s)
 
     def renamed(self, session: Session, now_s: float) -> None:
         """A client goes by another name now."""
-        if any(lease.holder is session for lease in self._leases.values()):
+        if self.has(session):
             self._announce_control(now_s)
 
     def _announce_control(self, now_s: float) -> None:
-        self._announce(ControlChanged(now_s, {s: str(lease.holder) for s, lease in self._leases.items()}))
+        """Tell who has each source, and keep no other client."""
+        leases = self.memory.leases.items()
+        self._holders = {lease.holder: self._holders[lease.holder] for _, lease in leases}
+        holders = {source: str(self._holders[lease.holder]) for source, lease in leases}
+        self._announce(ControlChanged(now_s, holders))

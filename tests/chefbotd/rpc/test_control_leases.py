@@ -1,9 +1,10 @@
 """Who drives: the leases on sources of commands, with time as an argument."""
 
 import pytest
+from msgspec import convert, to_builtins
 
 from chefbotd.core.events import ControlChanged
-from chefbotd.rpc.control_leases import ControlLeases
+from chefbotd.rpc.control_leases import ControlLeases, LeasesState
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.rpc.method import Unserved
 from chefbotd.rpc.parameters import ApiParameters, Role
@@ -11,9 +12,9 @@ from chefbotd.rpc.session import Session
 
 
 def client(name: str, port: int) -> Session:
-    """A client with a name."""
+    """A client with a name; its number is its port."""
     session = Session(ApiParameters(), "10.0.0.7", port, Role.DRIVE, 0.0)
-    session.client = name
+    session.client, session.number = name, port
     return session
 
 
@@ -157,3 +158,34 @@ def test_a_lease_lasts_for_as_long_as_its_client_tries() -> None:
         desk.control.require("teleop", ANN, 10.0 + i / 20)
     assert desk.control.holder("teleop", 18.9) is ANN
     assert desk.control.holder("teleop", 19.0) is None
+
+
+def test_what_is_recorded_names_clients_by_their_numbers_and_own_drivers_below_zero() -> None:
+    """Ann drives by hand and as safety, the robot itself navigates: so it is written, and so it is read again."""
+    desk, later, own = Desk(), Desk(), client("navigation", 0)
+    for each in (desk, later):
+        each.control.add_own(own)
+    desk.drive(ANN, 1.0)
+    desk.drive(ANN, 2.0, "safety")
+    desk.drive(own, 3.0, "navigation")
+    state = {
+        "clients": [{"number": 1, "client": "Ann", "host": "10.0.0.7", "port": 1, "role": "drive"}],
+        "leases": {"teleop": [1, 1.0], "safety": [1, 2.0], "navigation": [-1, 3.0]},
+    }
+    assert to_builtins(desk.control.state()) == state
+    later.control.restore(convert(state, LeasesState))
+    assert to_builtins(later.control.state()) == state
+    assert later.control.holder("navigation", 3.0) is own
+    assert str(later.control.holder("teleop", 3.0)) == "Ann (10.0.0.7:1)"
+    with pytest.raises(KeyError, match="7"):
+        later.control.restore(convert({"clients": [], "leases": {"teleop": [7, 0.0]}}, LeasesState))
+    assert to_builtins(later.control.state()) == state
+
+
+def test_a_client_without_a_lease_is_forgotten() -> None:
+    """Bob takes over: Ann is in the state no longer."""
+    desk = Desk()
+    desk.drive(ANN, 0.0)
+    desk.control.take_source("teleop", BOB, 1.0)
+    assert [holder.client for holder in desk.control.state().clients] == ["Bob"]
+    assert not desk.control.has(ANN)
