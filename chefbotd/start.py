@@ -81,8 +81,8 @@ def light_imports() -> Iterator[None]:
 
     - pydantic looks for plugins in every installed package, and loads what reads their metadata, parsers of mail and
       tables among it; chefbotd uses none.
-    - structlog imports rich, to lay out tracebacks, and twisted wherever they are installed, and does without where that
-      fails.
+    - structlog imports rich, to lay out tracebacks, twisted and greenlet wherever they are installed, and does without
+      where that fails.
 
     Neither has a setting that keeps these modules away: ``PYDANTIC_DISABLE_PLUGINS`` keeps away plugins only.
     Without the stand-ins both take half as much time again to import, and 6 MB more.
@@ -90,7 +90,7 @@ def light_imports() -> Iterator[None]:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     with no_collections():
         if "structlog" not in sys.modules:
-            _import_beside("structlog", {"rich": None, "twisted": None})
+            _import_beside("structlog", {"rich": None, "twisted": None, "greenlet": None})
         if "pydantic" not in sys.modules and "importlib.metadata" not in sys.modules:
             no_plugins = ModuleType("importlib.metadata")
             no_plugins.entry_points = tuple  # type: ignore[attr-defined]

@@ -6,40 +6,64 @@ radians; ``docs/protocol.md`` says what each field means on the robot.
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TypeAlias
+from typing import Any, NamedTuple, TypeAlias, TypeVar
+
+M = TypeVar("M", bound=tuple[Any, ...])
 
 
-@dataclass(frozen=True, slots=True)
-class BoardTime:
+def message(kind: type[M]) -> type[M]:
+    """Have messages of this class be true, and equal to messages of the same class alone; tuples are neither.
+
+    A named tuple is made in an eighth of a frozen dataclass's time, both the class and its values.
+    """
+    for name, method in (("__eq__", _is_equal), ("__ne__", _is_unequal), ("__bool__", _is_true)):
+        setattr(kind, name, method)
+    return kind
+
+
+def _is_equal(one: tuple[Any, ...], other: object) -> bool:
+    return type(other) is type(one) and tuple.__eq__(one, other)
+
+
+def _is_unequal(one: tuple[Any, ...], other: object) -> bool:
+    return not _is_equal(one, other)
+
+
+def _is_true(_: tuple[Any, ...]) -> bool:
+    return True
+
+
+@message
+class BoardTime(NamedTuple):
     """``t``: a cycle starts; ``micros`` is uint32 µs since boot, ``cycle_s`` the seconds since the last."""
 
     micros: int
     cycle_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class EncoderCounts:
+@message
+class EncoderCounts(NamedTuple):
     """``e``: accumulated int32 counts per wheel, forward positive, in the order of the variant's wheels."""
 
     counts: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class UltrasonicDistance:
+@message
+class UltrasonicDistance(NamedTuple):
     """``u``: whole centimetres, rounded down; 0 means that no echo came back."""
 
     distance_cm: int
 
 
-@dataclass(frozen=True, slots=True)
-class DutyEcho:
+@message
+class DutyEcho(NamedTuple):
     """``s`` from the board: the motor command now in force, per wheel, in PWM counts."""
 
     duty: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Orientation:
+@message
+class Orientation(NamedTuple):
     """``i`` with four fields: the IMU's quaternion as sent, only roughly of unit length."""
 
     x: float
@@ -48,23 +72,23 @@ class Orientation:
     w: float
 
 
-@dataclass(frozen=True, slots=True)
-class RawImu:
+@message
+class RawImu(NamedTuple):
     """``i`` with six fields: MPU-6050 int16 counts, acceleration then angular rate, each x y z."""
 
     acceleration: tuple[int, int, int]
     angular_rate: tuple[int, int, int]
 
 
-@dataclass(frozen=True, slots=True)
-class BatteryLevel:
+@message
+class BatteryLevel(NamedTuple):
     """``b``: the raw ADC reading, 0 to 4095 of the published boards' 12 bits, as the wire's float; up to 16 bits."""
 
     adc: float
 
 
-@dataclass(frozen=True, slots=True)
-class AnalogueLevel:
+@message
+class AnalogueLevel(NamedTuple):
     """``a``, an extension: the raw ADC reading of one analogue input, as ``b``."""
 
     channel: int
@@ -92,35 +116,35 @@ class QuadratureEdges:
             raise ValueError(f"{len(self.states)} edges have no {len(self.gaps_us)} gaps between them")
 
 
-@dataclass(frozen=True, slots=True)
-class QuadratureStill:
+@message
+class QuadratureStill(NamedTuple):
     """``q`` with two fields: this wheel's encoder had no edge since the cycle before; ``total`` as there."""
 
     wheel: int
     total: int
 
 
-@dataclass(frozen=True, slots=True)
-class Banner:
+@message
+class Banner(NamedTuple):
     """One line of the board's boot banner: the board has just started, so its counters did too."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class ResetDone:
+@message
+class ResetDone(NamedTuple):
     """The board's answer to ``r``: it will pull its reset pin in about a second."""
 
 
-@dataclass(frozen=True, slots=True)
-class Text:
+@message
+class Text(NamedTuple):
     """Any other printable line (DMP examples, debug output): to be logged, never an error."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Firmware:
+@message
+class Firmware(NamedTuple):
     """``firmware``: our firmware names itself; the fields' values are in ``docs/firmware_wire.md``."""
 
     proto: int
@@ -131,8 +155,8 @@ class Firmware:
     reset_cause: int
 
 
-@dataclass(frozen=True, slots=True)
-class HelloAnswer:
+@message
+class HelloAnswer(NamedTuple):
     """``hello`` from the board: the checked mode, its dead-man, and its clock when hello number ``of`` came in."""
 
     proto: int
@@ -141,8 +165,8 @@ class HelloAnswer:
     of: int
 
 
-@dataclass(frozen=True, slots=True)
-class BoardAbout:
+@message
+class BoardAbout(NamedTuple):
     """``about`` from the board: what it counts, and which program it runs.
 
     The edges of an encoder's period that it counts, the most of them a second, the build, and the counts of a wheel's
@@ -155,32 +179,32 @@ class BoardAbout:
     counts_per_turn: int
 
 
-@dataclass(frozen=True, slots=True)
-class CommandRefused:
+@message
+class CommandRefused(NamedTuple):
     """``refused``: line number ``of`` changed nothing, for the reason of this number."""
 
     what: int
     of: int
 
 
-@dataclass(frozen=True, slots=True)
-class SequencedEcho:
+@message
+class SequencedEcho(NamedTuple):
     """``s`` in the checked mode: the duty in force, and the number of the last command that was obeyed."""
 
     duty: tuple[int, ...]
     of: int
 
 
-@dataclass(frozen=True, slots=True)
-class AgedDistance:
+@message
+class AgedDistance(NamedTuple):
     """``u`` in the checked mode: as ``UltrasonicDistance``, taken ``age_us`` before the ``t`` of its cycle."""
 
     distance_cm: int
     age_us: int
 
 
-@dataclass(frozen=True, slots=True)
-class AgedImu:
+@message
+class AgedImu(NamedTuple):
     """``i`` in the checked mode: as ``RawImu``, taken ``age_us`` before the ``t`` of its cycle."""
 
     acceleration: tuple[int, int, int]
@@ -188,8 +212,8 @@ class AgedImu:
     age_us: int
 
 
-@dataclass(frozen=True, slots=True)
-class BoardState:
+@message
+class BoardState(NamedTuple):
     """``state``: 1 duty or 2 wheel loop; stops in force (1 dead-man, 2 e-stop, 4 stall); the newest e-stop's number."""
 
     mode: int
@@ -198,8 +222,8 @@ class BoardState:
     reset_cause: int
 
 
-@dataclass(frozen=True, slots=True)
-class BoardCounters:
+@message
+class BoardCounters(NamedTuple):
     """``counters``, uint16, which wrap: what was damaged, refused, lost and late on the board."""
 
     crc: int
@@ -210,63 +234,63 @@ class BoardCounters:
     late: int
 
 
-@dataclass(frozen=True, slots=True)
-class ParameterSet:
+@message
+class ParameterSet(NamedTuple):
     """``g`` from the board: this parameter has this value now."""
 
     parameter: int
     value: int
 
 
-@dataclass(frozen=True, slots=True)
-class SetDuty:
+@message
+class SetDuty(NamedTuple):
     """``s`` to the board: signed PWM duty per wheel; zero brakes. It stays in force until the next one."""
 
     duty: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class ResetBoard:
+@message
+class ResetBoard(NamedTuple):
     """``r``: reset the board; counters restart and the banner is sent again."""
 
 
-@dataclass(frozen=True, slots=True)
-class Hello:
+@message
+class Hello(NamedTuple):
     """``hello`` to the board: begin the checked mode with this dead-man."""
 
     proto: int
     deadman_ms: int
 
 
-@dataclass(frozen=True, slots=True)
-class AskAbout:
+@message
+class AskAbout(NamedTuple):
     """``about`` to the board: what does it count, and which build is it? Older firmware refuses it (1)."""
 
 
-@dataclass(frozen=True, slots=True)
-class SetWheelSpeeds:
+@message
+class SetWheelSpeeds(NamedTuple):
     """``w``: each wheel's speed in mrad/s, for the board's own wheel loop."""
 
     speed_mrad_s: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class SetParameter:
+@message
+class SetParameter(NamedTuple):
     """``g`` to the board: give this parameter this value."""
 
     parameter: int
     value: int
 
 
-@dataclass(frozen=True, slots=True)
-class Arm:
+@message
+class Arm(NamedTuple):
     """``arm``: end the e-stop of this number, and a stall."""
 
     number: int
 
 
-@dataclass(frozen=True, slots=True)
-class EmergencyStop:
+@message
+class EmergencyStop(NamedTuple):
     """``estop``: stop until ``arm``; obeyed without a checksum, as the stop is."""
 
 
@@ -283,8 +307,8 @@ class Reason(StrEnum):
     CHECKSUM = "checksum"
 
 
-@dataclass(frozen=True, slots=True)
-class Malformed:
+@message
+class Malformed(NamedTuple):
     """A line that is not a message: the reason, the bytes as read (bounded), and what was expected."""
 
     reason: Reason

@@ -1,6 +1,5 @@
 """What must hold for any bytes whatever. Each function raises ``AssertionError`` for an input that breaks it."""
 
-import dataclasses
 import json
 from collections.abc import Callable, Iterator, Mapping
 
@@ -17,6 +16,7 @@ from firmware_protocol.lines import is_unit, unpack
 from firmware_protocol.messages import (
     Banner,
     Malformed,
+    Message,
     Orientation,
     QuadratureEdges,
     ResetDone,
@@ -72,9 +72,9 @@ def _read(codec: LineCodec, line: bytes, message: object) -> list[object]:
     return [float(wheel), float(total), *unpack(states), *map(float, micros)]
 
 
-def _values(message: object) -> Iterator[object]:
-    for field in dataclasses.fields(message):  # type: ignore[arg-type]
-        value = getattr(message, field.name)
+def _values(message: Message) -> Iterator[object]:
+    for name in message.__match_args__:
+        value = getattr(message, name)
         yield from value if isinstance(value, tuple) else (value,)
 
 
