@@ -1,8 +1,9 @@
-"""The global planner: optimal on Moving AI's maps, and how long a plan takes in a room and in a hotel.
+"""The global planner: optimal on Moving AI's maps, its time to an A* in C++, and that of plans in a room and a hotel.
 
 Times are processor time of this process; compiling is done before. A plan is all of it: search, smoothing, check.
 """
 
+import ctypes
 import importlib
 import math
 import time
@@ -13,14 +14,16 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
+from benchmarks.astar import SEARCHES, CompiledSearches, built_library, missing_packages
 from benchmarks.figures import Figure, Outcome, percentile
 from benchmarks.movingai import Scenario, scenarios
 from chefbotd.components.maps.algorithms.map_server import parse_description, parse_image
 from chefbotd.components.navigation.algorithms.costmap import Costmap, costmap
+from chefbotd.components.navigation.algorithms.grid import Singles
 from chefbotd.components.navigation.algorithms.outline import Footprint
 from chefbotd.components.navigation.algorithms.path import Goal, NoPath
 from chefbotd.components.navigation.algorithms.planner import plan
-from chefbotd.components.navigation.algorithms.search import search
+from chefbotd.components.navigation.algorithms.search import prepare_costs, search
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.occupancy_grid import OccupancyGrid
 from tests.chefbotd.components.mapping.algorithms.slam.flat import furnished_flat
@@ -30,6 +33,8 @@ FOLDER = Path(__file__).parents[2] / "shared" / "data" / "movingai"
 ROOM_MS, HOTEL_MS, SIX_DIGITS = 2.0, 5.0, 6e-6
 CLASSIC = {"room": "NavFn 1.4 to 2.2, pyastar2d 0.13", "hotel1": "pyastar2d 0.45"}
 PLANS, QUICK_PLANS, QUICK_PROBLEMS, ROUNDS = 200, 30, 10, 3
+RANDOM_CELLS, BLOCKED_SHARE, SEED = 512, 0.35, 1
+OPEN_RATIO, BLOCKED_RATIO = 0.6, 0.9
 OUTLINE = Footprint(radius_m=0.18)
 
 
@@ -47,6 +52,12 @@ def run(*, quick: bool = False, folder: Path = FOLDER) -> Outcome:
         figures += _scenario(scenario, reference, faults, quick=quick)
     if not found:
         remarks.append(f"skipped Moving AI's maps: none in {folder}")
+    if (missing := missing_packages()) is not None:
+        remarks.append(f"no ratio to an A* in C++: apt-get install {missing}")
+    else:
+        with built_library() as library:
+            for name, (costs, target) in random_maps().items():
+                figures += _random_map(name, costs, target, library, faults, quick=quick)
     return Outcome(tuple(figures), tuple(remarks), tuple(faults))
 
 
@@ -112,6 +123,42 @@ def _scenario(
     yield Figure(f"{name}, median", 1e3 * percentile(ours, 50), "ms")
     if theirs:
         yield Figure(f"{scenario.name}, time to pyastar2d's, all", sum(ours) / sum(theirs), "x")
+
+
+def random_maps() -> dict[str, tuple[Singles, float]]:
+    """Costs by seed, and the most that ours may take of a C++ A*'s time: open and a third blocked, even and uneven."""
+    chance, size = np.random.default_rng(SEED), (RANDOM_CELLS, RANDOM_CELLS)
+    costs = {"costs of 1": np.ones(size), "costs of 1 to 9": chance.uniform(1.0, 9.0, size)}
+    blocked = chance.random(size) < BLOCKED_SHARE
+    return {
+        f"{kind}, {name}": (np.where(closed, np.inf, values).astype(np.float32), target)
+        for kind, closed, target in (("open", False, OPEN_RATIO), ("35 % obstacles", blocked, BLOCKED_RATIO))
+        for name, values in costs.items()
+    }
+
+
+def _random_map(
+    name: str, costs: Singles, target: float, library: ctypes.CDLL, faults: list[str], *, quick: bool
+) -> Iterable[Figure]:
+    """Paths between random places of the largest part, by each search in turn; all must be as long."""
+    grid, others = prepare_costs(costs), CompiledSearches(library, costs)
+    parts, _ = ndimage.label(np.isfinite(costs))
+    cells = np.argwhere(parts == np.argmax(np.bincount(parts.ravel())[1:]) + 1)
+    chance, count = np.random.default_rng(SEED), QUICK_PLANS if quick else PLANS
+    ours, theirs = list[float](), {search_name: list[float]() for search_name in SEARCHES}
+    for _ in range(count):
+        start, goal = (tuple(int(i) for i in cells[k]) for k in chance.integers(len(cells), size=2))
+        spent_s, path = _timed(lambda a=start, b=goal: grid.find_path(a, b))
+        ours.append(spent_s)
+        for search_name, spent in theirs.items():
+            spent_s, cost = _timed(lambda n=search_name, a=start, b=goal: others.cost(n, a, b))
+            spent.append(spent_s)
+            if path is None or abs(path.cost - cost) > SIX_DIGITS * max(cost, 1.0):
+                faults.append(f"{name}: {start} to {goal} is {path and path.cost}, by {search_name} {cost}")
+    others.close()
+    yield Figure(f"{name}, {count} paths, median", 1e3 * percentile(ours, 50), "ms")
+    for search_name, spent in theirs.items():
+        yield Figure(f"{name}, time to {search_name}, all", sum(ours) / sum(spent), "x", target)
 
 
 def _timed(action: Callable[[], Any]) -> tuple[float, Any]:

@@ -6,6 +6,7 @@ With no more than ``tight_m`` it costs up to ``tight_weight`` on top of that: th
 """
 
 import math
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -14,7 +15,7 @@ from scipy import ndimage
 
 from chefbotd.components.navigation.algorithms.grid import Flags, Floats, GridFrame, Singles, distances_m
 from chefbotd.components.navigation.algorithms.outline import Footprint
-from chefbotd.components.navigation.algorithms.search import BLOCKED
+from chefbotd.components.navigation.algorithms.search import BLOCKED, SearchGrid, prepare_costs
 from chefbotd.components.navigation.algorithms.states import UnknownSpace
 from chefbotd.components.navigation.algorithms.zones import keep_out_cells, speed_limits_m_s
 from chefbotd.components.worker.compiled import kernel
@@ -77,7 +78,7 @@ class Inflation(Record, frozen=True):
         return self.inner_m + max(self.comfort_m, self.tight_m)
 
 
-class Costmap(Record, frozen=True):
+class Costmap(Record, frozen=True, gc=True, dict=True):
     """Arrays (rows, columns): distance to the nearest obstacle, cost (infinite: blocked), a zone's speed limit.
 
     ``surcharges`` is what a cell costs by itself, apart from obstacles: 1, more in slow zones and unknown space,
@@ -94,6 +95,11 @@ class Costmap(Record, frozen=True):
     fixed_m: Singles
     speed_limit_m_s: Floats
     walls: Flags
+
+    @cached_property
+    def search_grid(self) -> SearchGrid:
+        """The costs, prepared for searches once."""
+        return prepare_costs(self.costs)
 
 
 def costmap(

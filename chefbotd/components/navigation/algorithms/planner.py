@@ -11,7 +11,7 @@ from chefbotd.components.navigation.algorithms.goal_room import wall_before_goal
 from chefbotd.components.navigation.algorithms.grid import Flags, Floats, GridFrame, Singles
 from chefbotd.components.navigation.algorithms.outline import Footprint, clearance_m
 from chefbotd.components.navigation.algorithms.path import ESCAPE_M, SPACING_M, Goal, NoPath, Path
-from chefbotd.components.navigation.algorithms.search import BLOCKED, search
+from chefbotd.components.navigation.algorithms.search import BLOCKED, prepare_costs
 from chefbotd.components.navigation.algorithms.smooth import (
     first_touch,
     headings,
@@ -249,7 +249,8 @@ def _points(outline: Footprint, costs: Costmap, pose: Pose2D, end: Pose2D) -> Fl
     if first is None or last is None:
         return None
     passable = _with_escape(costs, first)
-    cheapest = search(passable, first, last)
+    grid = costs.search_grid if passable is costs.costs else prepare_costs(passable)
+    cheapest = grid.find_path(first, last)
     if cheapest is None:
         return None
     corners = straighten_path(cheapest.cells, passable, frame.resolution_m)

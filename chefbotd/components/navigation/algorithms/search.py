@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from chefbotd.components.navigation.algorithms.grid import Floats, Singles
+from chefbotd.components.navigation.algorithms.grid import Flags, Floats, Singles
 from chefbotd.components.worker.compiled import kernel
 from chefbotd.core.record import Record
 
@@ -30,43 +30,65 @@ class GridPath(Record, frozen=True):
     cost: float
 
 
+class SearchGrid(Record, frozen=True):
+    """Costs prepared for any number of searches: the rectangle of all free cells, row after row in a blocked border.
+
+    ``top`` and ``left`` are the rectangle's first row and column, ``columns`` counts the border's too, and no free cell
+    costs more than ``dearest``.
+    """
+
+    costs: Singles
+    columns: int
+    top: int
+    left: int
+    dearest: float
+
+    def find_path(self, start: tuple[int, int], goal: tuple[int, int]) -> GridPath | None:
+        """The cheapest path between two cells (row, column); None when there is none."""
+        first, last = self._index(start), self._index(goal)
+        if first is None or last is None:
+            return None
+        parents = np.empty(self.costs.size, np.int32)
+        cost = _search(self.costs, self.columns, self.dearest, first, last, parents)
+        if math.isinf(cost):
+            return None
+        cells = _follow_parents(parents, first, last)
+        rows, columns = cells // self.columns - 1 + self.top, cells % self.columns - 1 + self.left
+        return GridPath(np.stack([rows, columns], axis=1), cost)
+
+    def _index(self, cell: tuple[int, int]) -> int | None:
+        """Where a cell is in ``costs``; None where it is blocked."""
+        row, column = cell[0] - self.top + 1, cell[1] - self.left + 1
+        if not (0 < row < self.costs.size // self.columns and 0 < column < self.columns):
+            return None
+        index = row * self.columns + column
+        return None if math.isinf(self.costs[index]) else index
+
+
 def search(costs: Singles, start: tuple[int, int], goal: tuple[int, int]) -> GridPath | None:
     """The cheapest path between two cells (row, column); None when there is none.
 
     A free cell costs 1 or more, a blocked one is infinite. A step costs its length (1, or sqrt 2 for a diagonal)
     times the mean of both cells. A diagonal step needs both cells beside it free.
     """
-    if math.isinf(costs[start]) or math.isinf(costs[goal]):
-        return None
-    top, bottom, left, right, dearest = _bounds(costs)
-    columns = right - left + 3
-    bordered = np.full(
-        (bottom - top + 3, columns), BLOCKED
-    )  # so that the search need not look where the grid ends
-    bordered[1:-1, 1:-1] = costs[top : bottom + 1, left : right + 1]
-    first = (start[0] - top + 1) * columns + start[1] - left + 1
-    last = (goal[0] - top + 1) * columns + goal[1] - left + 1
-    parents = np.empty(bordered.size, np.int32)
-    cost = _search(bordered.reshape(-1), columns, dearest, first, last, parents)
-    if math.isinf(cost):
-        return None
-    cells = _follow_parents(parents, first, last)
-    return GridPath(np.stack([cells // columns - 1 + top, cells % columns - 1 + left], axis=1), cost)
+    return prepare_costs(costs).find_path(start, goal)
 
 
-@kernel
-def _bounds(costs: Singles) -> tuple[int, int, int, int, float]:
-    """The rows and columns (first and last) that hold all free cells, and what the dearest of these costs."""
-    rows, columns = costs.shape
-    top, bottom, left, right, dearest = rows, -1, columns, -1, np.float32(1.0)
-    for row in range(rows):
-        for column in range(columns):
-            cost = costs[row, column]
-            if cost < np.inf:
-                top, bottom = min(top, row), row
-                left, right = min(left, column), max(right, column)
-                dearest = max(dearest, cost)
-    return top, bottom, left, right, float(dearest)
+def prepare_costs(costs: Singles) -> SearchGrid:
+    """Costs as ``search`` takes them, for more than one search."""
+    free = costs < BLOCKED
+    rows, columns = _extent(free), _extent(free.T)
+    part = costs[rows, columns]
+    bits = (costs.view(np.int32) * free).max(initial=0)  # positive floats are ordered as their bits are
+    dearest = float(np.int32(bits).view(np.float32))
+    bordered = np.pad(part, 1, constant_values=BLOCKED)  # so that a search need not look where the grid ends
+    return SearchGrid(bordered.reshape(-1), bordered.shape[1], rows.start, columns.start, max(dearest, 1.0))
+
+
+def _extent(flags: Flags) -> slice:
+    """From the first to the last row with any that is set."""
+    indices = np.flatnonzero(flags.any(axis=1))
+    return slice(int(indices[0]), int(indices[-1]) + 1) if len(indices) else slice(0, 0)
 
 
 @kernel

@@ -11,7 +11,7 @@ from chefbotd.components.navigation.algorithms.costmap import costmap
 from chefbotd.components.navigation.algorithms.outline import Footprint
 from chefbotd.components.navigation.algorithms.path import Goal, NoPath, Path
 from chefbotd.components.navigation.algorithms.planner import plan
-from chefbotd.components.navigation.algorithms.search import search
+from chefbotd.components.navigation.algorithms.search import prepare_costs, search
 from chefbotd.components.navigation.algorithms.states import UnknownSpace
 from chefbotd.components.zones.zone_file import Zones
 from chefbotd.core.geometry import Pose2D
@@ -58,6 +58,15 @@ def test_a_cell_is_its_own_goal() -> None:
     found = search(uniform("..."), (0, 1), (0, 1))
     assert (found.cost, found.cells.tolist()) == (0.0, [[0, 1]])
     assert search(uniform(".#."), (0, 1), (0, 1)) is None
+
+
+def test_costs_prepared_once_serve_many_searches() -> None:
+    """Cells have their place in the whole grid, also where its free part is smaller; outside of that nothing is free."""
+    grid = prepare_costs(uniform("#####", "#...#", "#.###"))
+    assert grid.find_path((0, 1), (1, 3)).cells.tolist() == [[0, 1], [1, 1], [1, 2], [1, 3]]
+    assert grid.find_path((1, 3), (1, 3)).cost == 0.0
+    assert [grid.find_path(cell, (1, 1)) for cell in ((0, 2), (2, 2), (1, 0), (1, 4))] == [None] * 4
+    assert prepare_costs(uniform("##", "##")).find_path((0, 0), (1, 1)) is None
 
 
 @given(st.integers(0, 10_000), st.integers(2, 20), st.integers(2, 20), st.floats(0.0, 0.4))
