@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.rpc.arrivals import ByteArrival
@@ -16,7 +17,6 @@ from firmware_protocol.lines import is_unit, unpack
 from firmware_protocol.messages import (
     Banner,
     Malformed,
-    Message,
     Orientation,
     QuadratureEdges,
     ResetDone,
@@ -72,7 +72,7 @@ def _read(codec: LineCodec, line: bytes, message: object) -> list[object]:
     return [float(wheel), float(total), *unpack(states), *map(float, micros)]
 
 
-def _values(message: Message) -> Iterator[object]:
+def _values(message: Any) -> Iterator[object]:
     for name in message.__match_args__:
         value = getattr(message, name)
         yield from value if isinstance(value, tuple) else (value,)
