@@ -6,6 +6,8 @@ them.
 One cycle is six lines, ``t e u s i b``, in one read; one client takes odometry and wheels; the robot drives. Everything
 from the readiness of the serial port to the last byte to the client is counted, on a virtual clock, with a pty as the
 serial port. The event loop's own calls are left out: the daemon runs on uvloop, whose loop is not Python.
+
+A request is a ``drive`` that says what the client said before, from its bytes to its answer.
 """
 
 import asyncio
@@ -18,8 +20,9 @@ import statistics
 import sys
 import tty
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, nullcontext
+from itertools import count as numbers_from
 from types import FrameType
 from typing import Any, TypeVar
 
@@ -31,6 +34,7 @@ from chefbotd.settings import load
 
 TARGET = 400
 FRAMES_TARGET, OPCODES_TARGET = 190, 6500
+REQUEST_TARGET = 1900
 CYCLES = 40
 CYCLE_S = 0.01
 WARM_UP = 100
@@ -39,6 +43,9 @@ AS_FAST_AS_THE_WHEELS = {"linear_m_s": 0.0942, "angular_rad_s": 0.1346}
 
 BESIDE = 1.5
 """A cycle that takes more than this many times the median did something else, too."""
+
+NUMBERS = numbers_from(1)
+"""Ids of requests: no two are the same, as a client's are."""
 
 TURNS = 20
 """Iterations of the loop after each read: all that follows from a cycle has happened by then."""
@@ -149,19 +156,22 @@ def run(*, quick: bool = False) -> Outcome:
     total = Figure("calls of a cycle", float(sum(counted.values())), "", TARGET)
     parts = [Figure(part, calls, "") for part, calls in counted.most_common()]
     frames, opcodes = count_opcodes()
+    request_frames, request_opcodes = count_request()
     return Outcome(
         (
             total,
             *(Figure(f"of which {each.name}", each.value, "") for each in parts),
             Figure("Python frames of a cycle", float(frames), "", FRAMES_TARGET),
             Figure("opcodes of a cycle", float(opcodes), "", OPCODES_TARGET),
+            Figure("Python frames of a repeated drive", float(request_frames), ""),
+            Figure("opcodes of a repeated drive", float(request_opcodes), "", REQUEST_TARGET),
         )
     )
 
 
 def count(cycles: int = CYCLES) -> Counter[str]:
     """The mean number of calls of a cycle, by part."""
-    counters = _ordinary(run_virtual(_measure(cycles, CallCounter)))
+    counters = _ordinary(run_virtual(_measure(cycles, CallCounter))[0])
     parts = {part for each in counters for part in each.by_part}
     return Counter(
         {part: round(statistics.mean([each.by_part[part] for each in counters])) for part in parts}
@@ -170,9 +180,18 @@ def count(cycles: int = CYCLES) -> Counter[str]:
 
 def count_opcodes(cycles: int = CYCLES) -> tuple[int, int]:
     """The mean numbers of Python's frames and opcodes of a cycle."""
-    counters = _ordinary(run_virtual(_measure(cycles, OpcodeCounter)))
-    frames = statistics.mean([sum(each.by_part.values()) for each in counters])
-    return round(frames), round(statistics.mean([each.opcodes for each in counters]))
+    return _means(run_virtual(_measure(cycles, OpcodeCounter))[0])
+
+
+def count_request(cycles: int = CYCLES) -> tuple[int, int]:
+    """The mean numbers of Python's frames and opcodes of a ``drive`` that repeats the last one."""
+    return _means(run_virtual(_measure(cycles, OpcodeCounter))[1])
+
+
+def _means(counters: Iterable[OpcodeCounter]) -> tuple[int, int]:
+    ordinary = _ordinary(list(counters))
+    frames = statistics.mean([sum(each.by_part.values()) for each in ordinary])
+    return round(frames), round(statistics.mean([each.opcodes for each in ordinary]))
 
 
 def _ordinary(counters: list[C]) -> list[C]:
@@ -181,7 +200,8 @@ def _ordinary(counters: list[C]) -> list[C]:
     return [each for each in counters if sum(each.by_part.values()) <= BESIDE * median]
 
 
-async def _measure(cycles: int, kind: type[C]) -> list[C]:
+async def _measure(cycles: int, kind: type[C]) -> tuple[list[C], list[C]]:
+    """Counters of the cycles, and of the requests between them."""
     board, device = pty.openpty()
     tty.setraw(board)
     tty.setraw(device)
@@ -190,6 +210,7 @@ async def _measure(cycles: int, kind: type[C]) -> list[C]:
     running = asyncio.create_task(daemon.run())
     reader, writer = await asyncio.open_connection(*await daemon.server.address())
     counters: list[C] = []
+    requests: list[C] = []
     echo = (0, 0)
     try:
         await asyncio.sleep(0.1)  # the port is open by then
@@ -198,7 +219,8 @@ async def _measure(cycles: int, kind: type[C]) -> list[C]:
                 await _ask(reader, writer, "arm", {})
                 await _ask(reader, writer, "subscribe", {"topics": ["odometry", "wheels"]})
             if cycle >= WARM_UP // 2:
-                await _ask(reader, writer, "drive", AS_FAST_AS_THE_WHEELS)
+                requests.append(kind())
+                await _ask(reader, writer, "drive", AS_FAST_AS_THE_WHEELS, requests[-1])
             await asyncio.sleep(CYCLE_S)
             counters.append(await _cycle(cycle, echo, board, device, kind()))
             echo = _last_duty(board, echo)
@@ -208,7 +230,7 @@ async def _measure(cycles: int, kind: type[C]) -> list[C]:
         await asyncio.gather(running, return_exceptions=True)
         os.close(board)
         os.close(device)
-    return counters[WARM_UP:]
+    return counters[-cycles:], requests[-cycles:]
 
 
 async def _cycle(number: int, echo: tuple[int, int], board: int, device: int, counter: C) -> C:
@@ -245,13 +267,19 @@ def lines_of(number: int, echo: tuple[int, int]) -> bytes:
 
 
 async def _ask(
-    reader: asyncio.StreamReader, writer: asyncio.StreamWriter, method: str, params: dict[str, Any]
+    reader: asyncio.StreamReader,
+    writer: asyncio.StreamWriter,
+    method: str,
+    params: dict[str, Any],
+    counter: CallCounter | None = None,
 ) -> None:
-    """Ask and wait for the answer; telemetry before it is read and forgotten."""
-    quoted = str(params).replace("'", '"')
-    writer.write(f'{{"jsonrpc":"2.0","id":1,"method":"{method}","params":{quoted}}}\n'.encode())
-    while b'"id":1' not in (line := await reader.readline()):
-        pass
+    """Ask, and count until the answer is there; telemetry before it is read and forgotten."""
+    quoted, number = str(params).replace("'", '"'), next(NUMBERS)
+    writer.write(f'{{"jsonrpc":"2.0","id":{number},"method":"{method}","params":{quoted}}}\n'.encode())
+    line = b""
+    with nullcontext() if counter is None else counter.counting():
+        while b'"id":%d,' % number not in line:
+            line = await reader.readline()
     if b'"error"' in line:
         raise RuntimeError(f"{method}: {line!r}")
 
@@ -269,7 +297,7 @@ def _opener(path: str) -> Any:
 
 def main() -> None:
     """Print every function that a cycle calls, and how often on average."""
-    counters = run_virtual(_measure(CYCLES, CallCounter))
+    counters, _ = run_virtual(_measure(CYCLES, CallCounter))
     total: Counter[tuple[str, str]] = Counter()
     for counter in counters:
         total.update(counter.by_function)

@@ -45,7 +45,18 @@ class DriveCommands:
         self._service, self._preview, self._leases, self._clock = service, preview, leases, clock
         self._sources, self._default_source = sources, default_source
 
-    @method(role=Role.DRIVE, moves=True)
+    def _renew_drive(self, caller: Caller, params: DriveParams) -> Driven | None:
+        """Let what this client drives already hold for longer. None: ``drive`` is to be carried out."""
+        session, source = caller.session, params.source or self._default_source
+        now_s, twist = self._clock.now_s(), Twist2D(params.linear_m_s, params.angular_rad_s)
+        if self._leases.holder(source, now_s) is not session:
+            return None
+        if not self._service.renew_command(source, twist, session.number):
+            return None
+        self._leases.renew(source, session, now_s)
+        return self._driven_at(twist)
+
+    @method(role=Role.DRIVE, moves=True, renew=_renew_drive)
     def drive(self, caller: Caller, params: DriveParams) -> Driven:
         """Drive at this velocity until the command is replaced or too old; repeat it to keep moving.
 
@@ -56,11 +67,16 @@ class DriveCommands:
         self._require_control(source, caller, now_s)
         twist = Twist2D(params.linear_m_s, params.angular_rad_s)
         self._service.command(source, twist, caller.session.number)
-        allowed = self._preview.of_twist(twist)
+        answer = self._driven_at(twist)
         self._leases.renew(source, caller.session, now_s)
+        return answer
+
+    def _driven_at(self, twist: Twist2D) -> Driven:
+        allowed = self._preview.of_twist(twist)
+        command = allowed.command
         return Driven(
-            linear_m_s=allowed.command.linear_m_s,
-            angular_rad_s=allowed.command.angular_rad_s,
+            linear_m_s=command.linear_m_s,
+            angular_rad_s=command.angular_rad_s,
             limited_by=allowed.limited_by,
         )
 

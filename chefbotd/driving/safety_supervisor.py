@@ -219,6 +219,22 @@ class SafetySupervisor(StatefulPart[SupervisorState]):
             raise Refused(RefusalKind.LINK_DOWN, Sentence("driving.no_board", "the board is not connected"))
         self.own_state.gate = accepted
 
+    def renew_command(self, command: Command, client: int) -> bool:
+        """Let a command that is followed as it is hold for longer. False: it may be another, and nothing has changed."""
+        memory = self.own_state
+        decision = memory.decision
+        if decision.halted or decision.limited_by is not None or decision.source != command.source:
+            return False
+        if decision.motion != command.motion or command.source == CALIBRATION:
+            return False
+        if memory.reported is not None or self._reading_error is not None or not memory.link_open:
+            return False
+        renewed = gate.renew(self._parameters, memory.gate, command)
+        if renewed is None or not self._held.renew_attempt(command.source, client, command.stamp_s):
+            return False
+        memory.gate = renewed
+        return True
+
     def record_attempt(self, source: str, client: int, now_s: float) -> None:
         """A client tries to drive, whether or not its command is taken into account."""
         if source in self._parameters.sources and (source != CALIBRATION or client == OWN):

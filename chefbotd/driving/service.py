@@ -154,6 +154,16 @@ class DriveService(StatefulPart[DriveServiceState]):
         self.keeper.accept(gate.Command(source, motion, now_s), client)
         self._obey(now_s)
 
+    def renew_command(self, source: str, motion: Motion, client: int) -> bool:
+        """The motion that this source drives already, again: it holds for longer, and the next reading drives it on.
+
+        False: more may follow from it. Nothing has changed then, and ``command`` is to be called.
+        """
+        now_s = self._clock.now_s()
+        if now_s - self.memory.acted_s > self._watchdog.timeout_s or not self.is_driving:
+            return False
+        return self.keeper.renew_command(gate.Command(source, motion, now_s), client)
+
     def record_attempt(self, source: str, client: int) -> None:
         """A client tries to drive a source that another one controls; a stop holds it, too."""
         self.keeper.record_attempt(source, client, self._clock.now_s())

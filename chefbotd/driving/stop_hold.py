@@ -20,6 +20,14 @@ class StopHold(StatefulValue[hold.State]):
         """A client tries to drive; ``latched_by``: what is latched meanwhile, if anything is."""
         self.memory = hold.record_attempt(self.memory, source, client, now_s, self._stop_hold_s, latched_by)
 
+    def renew_attempt(self, source: str, client: int, now_s: float) -> bool:
+        """Record a client's attempt while nothing is latched; False: a stop holds it, and nothing is recorded."""
+        attempted = hold.record_attempt(self.memory, source, client, now_s, self._stop_hold_s)
+        if hold.holder_of(attempted, source, client):
+            return False
+        self.memory = attempted
+        return True
+
     def stop(self, client: int, by: str, now_s: float) -> None:
         """A client of this name stops the robot."""
         self.memory = hold.stop(self.memory, client, by, now_s, self._stop_hold_s)

@@ -20,16 +20,21 @@ class LimitPreview:
     def __init__(self, drive: DriveParameters, chassis: ChassisParameters, limits: MotionLimits) -> None:
         self._max_rim_speed_m_s, self._limits = drive.max_rim_speed_m_s, limits
         self._kinematics, self._names = Kinematics(chassis), [wheel.name for wheel in chassis.wheels]
+        self._last: tuple[Twist2D, Allowed[Twist2D]] | None = None
 
     def relimit(self, limits: MotionLimits) -> None:
         """The robot obeys other limits from now on."""
-        self._limits = limits
+        self._limits, self._last = limits, None
 
     def of_twist(self, command: Twist2D) -> Allowed[Twist2D]:
-        """First what the wheels reach, with its curvature, then the limits of each axis."""
+        """First what the wheels reach, with its curvature, then the limits of each axis. The last one is remembered."""
+        if self._last is not None and self._last[0] == command:
+            return self._last[1]
         reachable = self._kinematics.saturate(command, self._max_rim_speed_m_s)
         shares = self._shares(self._kinematics.rim_speeds_m_s(command), command)
-        return Allowed(within_speeds(self._limits, reachable), _tightest(shares))
+        allowed = Allowed(within_speeds(self._limits, reachable), _tightest(shares))
+        self._last = command, allowed
+        return allowed
 
     def of_wheels(self, command: WheelVelocities) -> Allowed[Mapping[str, float]]:
         """Every wheel's speed in rad/s by its name: slowed together, to what the fastest and their motion may do."""

@@ -46,6 +46,8 @@ class Backlog:
     @property
     def too_long(self) -> bool:
         """Whether the next line is longer than any may be, or will be."""
+        if len(self._bytes) <= self._longest_bytes:
+            return False
         end = self._bytes.find(b"\n")
         return (len(self._bytes) if end < 0 else end) > self._longest_bytes
 
@@ -110,6 +112,9 @@ class Backlog:
         ]
 
     def _remove(self, start: int, end: int) -> None:
+        if start == 0 and end == len(self._bytes):
+            self.clear()
+            return
         del self._bytes[start:end]
         self._taken_at = start
         self._searched = _after_removal(self._searched, start, end)

@@ -26,6 +26,7 @@ from chefbotd.rpc.jsonrpc import ERRORS, ErrorKind, Failure, Request
 from chefbotd.rpc.method import Caller, Method, Unserved
 from chefbotd.rpc.models import MotionParams, Params
 from chefbotd.rpc.parameters import Role
+from chefbotd.rpc.repeats import RepeatableRequest
 from chefbotd.rpc.session import Session
 
 
@@ -87,6 +88,7 @@ class Dispatcher:
     ) -> None:
         self.jobs = jobs or Jobs()
         self._async_methods = {name for name, m in methods.items() if iscoroutinefunction(m.handle)}
+        self._renewable = {name for name, m in methods.items() if m.renew is not None}
         if late := [name for name in self._async_methods if methods[name].urgent]:
             raise ValueError(
                 f"{late[0]} is urgent, so its handler must not be async: a stop does not wait for a task"
@@ -109,10 +111,17 @@ class Dispatcher:
 
         What moves the robot is not carried out when it came before a stop, or too long ago.
         """
+        session = caller.session
+        repeated = None if session.repeatable is None else session.repeatable.recognize(line)
+        if repeated is not None:
+            self.serve_request(caller, repeated, arrival)
+            return
         request = self._parse_line(line)
         if isinstance(request, Failure):
             self._refuse(caller, request, wants_answer=True, foreign=_is_foreign(line, request))
             return
+        if request.method in self._renewable:
+            session.repeatable = RepeatableRequest.of(line, request)
         self.serve_request(caller, request, arrival)
 
     def serve_request(self, caller: Caller, request: Request, arrival: ByteArrival | None = None) -> None:
@@ -165,7 +174,7 @@ class Dispatcher:
             method = self._admit(caller.session, request)
             if method.moves and arrival is not None:
                 self._require_fresh(caller.session, request.method, arrival)
-            params = _check_params(method, request)
+            params, is_repeated = _params_of(caller.session, method, request)
             if isinstance(params, MotionParams):
                 self._require_unstopped(caller.session, request.method, params)
             self._handled += 1  # also while nothing is recorded: it names the task of a request
@@ -176,7 +185,9 @@ class Dispatcher:
                     in_steps = partial(in_steps, job_name(self._handled))
                     self.jobs.start(caller, request, handler, self._failure, in_steps)
                 return None
-            body = self._constants.get(request.method) or self._handle(method, caller, params)
+            body = self._renew(method, caller, params) if is_repeated else None
+            if body is None:
+                body = self._constants.get(request.method) or self._handle(method, caller, params)
             if method.constant:
                 self._constants[request.method] = body
             if request.wants_answer:
@@ -212,7 +223,27 @@ class Dispatcher:
             if method.urgent:
                 self._arrivals.record_stop(caller, str(caller.session))
 
-    def _record(self, method: Method, caller: Caller, params: Params, stamp_s: float) -> RequestHandled:
+    def _renew(self, method: Method, caller: Caller, params: Params) -> bytes | None:
+        """The result of a request that only lets something hold for longer, as JSON. None: it is to be carried out.
+
+        Its record comes when it has succeeded: no event follows from it.
+        """
+        renew, clock = method.renew, self._clock
+        if renew is None:
+            return None
+        is_outermost = clock.begin()
+        try:
+            result = renew(caller, params)
+            if result is not None and clock.recording and is_outermost:
+                clock.publish(self._record(method, caller, params, clock.now_s(), renews=True))
+        finally:
+            if is_outermost:
+                clock.end()
+        return None if result is None else encode(result)
+
+    def _record(
+        self, method: Method, caller: Caller, params: Params, stamp_s: float, *, renews: bool = False
+    ) -> RequestHandled:
         session = caller.session
         recorded_params = (
             None if method.params.confidential else params.model_dump(mode="json", exclude_unset=True)
@@ -226,6 +257,7 @@ class Dispatcher:
             session.client,
             session.where,
             session.role,
+            renews,
         )
 
     def _failure(self, request: Request, problem: Exception) -> Failure:
@@ -360,6 +392,17 @@ def _field_with(text: str, params: object) -> str:
             if find_unprintable(value) == text and find_unprintable(name) is None:
                 return str(name)
     return "params"
+
+
+def _params_of(session: Session, method: Method, request: Request) -> tuple[Params, bool]:
+    """The checked parameters, and whether the client has said the same last."""
+    last = session.repeatable
+    if last is None or last.request.params is not request.params:
+        return _check_params(method, request), False
+    if last.params is not None:
+        return last.params, True
+    last.params = _check_params(method, request)
+    return last.params, False
 
 
 def _check_params(method: Method, request: Request) -> Params:

@@ -66,6 +66,9 @@ class Unserved(Exception):
 class Method(Struct, frozen=True):
     """``handle`` takes the caller and checked parameters; ``afterwards`` runs when the answer is on its way.
 
+    ``renew`` takes the same as ``handle`` where a client says again what it said last. It returns the result, or None
+    where it has changed nothing, and ``handle`` is to be called.
+
     A coroutine function also takes a ``Progress``. It runs as a job, and the request is answered when it ends.
 
     ``role`` is what a client needs for it, None: not even a token. An ``urgent`` method stops the robot: it passes
@@ -85,6 +88,7 @@ class Method(Struct, frozen=True):
     when_crowded: bool = False
     constant: bool = False
     for_guests: bool = False
+    renew: Callable[[Caller, Any], Any] | None = None
 
     def is_allowed(self, role: Role) -> bool:
         """Whether a client of this role may call it."""
@@ -113,6 +117,7 @@ def method(
     for_guests: bool = False,
     afterwards: Callable[[Any, Caller, Any], None] | None = None,
     params: type[Params] | None = None,
+    renew: Callable[[Any, Caller, Any], Any] | None = None,
 ) -> Callable[[F], F]:
     """Make ``def name(self, caller: Caller, params: SomeParams) -> SomeResult`` the method ``name`` of the socket.
 
@@ -145,7 +150,8 @@ def method(
                 raise TypeError(
                     f"{function.__qualname__}: {what} must be annotated with a {expected}, got {model!r}"
                 )
-        after: Any = afterwards  # it is bound to the handlers by ``methods_of``
+        after: Any = afterwards  # both are bound to the handlers by ``methods_of``
+        again: Any = renew
         row = Method(
             role,
             params_model,
@@ -157,6 +163,7 @@ def method(
             when_crowded,
             constant,
             for_guests,
+            again,
         )
         function._method = row  # type: ignore[attr-defined]
         return function
@@ -191,6 +198,7 @@ def methods_of(handlers: object) -> tuple[Method, ...]:
             row,
             handle=getattr(handlers, name),
             afterwards=None if row.afterwards is None else row.afterwards.__get__(handlers),
+            renew=None if row.renew is None else row.renew.__get__(handlers),
         )
         for name, row in rows
     )

@@ -6,6 +6,7 @@ from chefbotd.core.record import Record
 from chefbotd.rpc.arrivals import ByteArrival
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.parameters import ApiParameters, Role
+from chefbotd.rpc.repeats import RepeatableRequest
 
 
 class TokenBucket:
@@ -58,6 +59,7 @@ class Session:
         self.token_digest: bytes | None = None  # of the token that it has shown
         self.number = 0  # of the connections that were admitted
         self.arrival: ByteArrival | None = None  # the earliest at which its connection can have been opened
+        self.repeatable: RepeatableRequest | None = None  # its last one of a method that can be renewed
         self._on_identified = on_identified
         self._arrived_s = self._active_s = now_s
         self._incomplete_s: float | None = None

@@ -234,6 +234,23 @@ def accept(parameters: SafetyParameters, state: GateState, command: Command) -> 
     return replace(state, commands=(*release(state, command.source).commands, command))
 
 
+def renew(parameters: SafetyParameters, state: GateState, command: Command) -> GateState | None:
+    """The same command again, while the one before still moves the robot: it holds for longer. None: it is not so."""
+    if state.mode is not Mode.ARMED:
+        return None
+    for given in state.commands:
+        if given.source == command.source:
+            age_s = command.stamp_s - given.stamp_s
+            is_live = (
+                age_s <= parameters.command_timeout_s and age_s <= parameters.sources[given.source].timeout_s
+            )
+            if not is_live or given.motion != command.motion:
+                return None
+            others = release(state, command.source).commands if len(state.commands) > 1 else ()
+            return GateState(state.mode, state.reason, (*others, command), state.fault)
+    return None
+
+
 def release(state: GateState, source: str) -> GateState:
     """Forget the command of a source as if there had been none: lower sources go on at once."""
     return replace(state, commands=tuple(c for c in state.commands if c.source != source))

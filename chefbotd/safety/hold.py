@@ -52,7 +52,14 @@ def record_attempt(
     state: State, source: str, client: int, now_s: float, stop_hold_s: float, latched_by: str = ""
 ) -> State:
     """A client tries to drive a source. ``latched_by`` is not empty while an emergency stop or a fault is latched."""
-    before = _of(state, source) or DriveAttempts(source, client, NEVER_S)
+    before, other_sources = None, []
+    for tries in state:
+        if tries.source == source:
+            before = tries
+        else:
+            other_sources.append(tries)
+    if before is None:
+        before = DriveAttempts(source, client, NEVER_S)
     others_s = before.others_s if before.client == client else before.stamp_s
     stopped_by, knowing, held_s = before.stopped_by, before.knowing, before.held_s
     if now_s - held_s >= stop_hold_s:
@@ -61,14 +68,16 @@ def record_attempt(
         stopped_by, knowing = latched_by, ()
     if stopped_by and client not in knowing:
         held_s = now_s
-    trying = tuple(
-        [o for o in before.trying if o[0] != client and now_s - o[1] < stop_hold_s][1 - MOST_TRYING :]
-    )
-    trying = (*trying, (client, now_s))
+    others: list[tuple[int, float]] = []
+    if others_s > NEVER_S:
+        others = [o for o in before.trying if o[0] != client and now_s - o[1] < stop_hold_s][
+            1 - MOST_TRYING :
+        ]
+    trying = (*others, (client, now_s))
     after = DriveAttempts(
         source, client, now_s, others_s, stopped_by, knowing, held_s, trying, before.taken_s
     )
-    return (*(tries for tries in state if tries.source != source), after)
+    return (*other_sources, after)
 
 
 def stop(state: State, client: int, by: str, now_s: float, stop_hold_s: float) -> State:
@@ -138,4 +147,7 @@ def _note_stop(tries: DriveAttempts, client: int, by: str, now_s: float, stop_ho
 
 
 def _of(state: State, source: str) -> DriveAttempts | None:
-    return next((tries for tries in state if tries.source == source), None)
+    for tries in state:
+        if tries.source == source:
+            return tries
+    return None

@@ -168,7 +168,7 @@ class SocketConnection(asyncio.Protocol):
             self._manager.scheduler.add(self)
 
     def _serve_next(self) -> bool:
-        """Serve the next request, if there is room for its answer; whether there was one."""
+        """Serve the next request, if there is room for its answer; whether there may be another one."""
         if self._state not in SERVING:
             return False
         if self._backlog.too_long:
@@ -179,25 +179,27 @@ class SocketConnection(asyncio.Protocol):
         if line is None:
             return False
         self.session.set_incomplete(False)
-        dispatcher = self._manager.dispatcher
+        dispatcher, arrivals = self._manager.dispatcher, self._manager.arrivals
         if line.text or dispatcher.sheds:
-            self._note_own_stop(lambda: dispatcher.serve(self, line.text, line.arrival))
+            before = arrivals.stops
+            dispatcher.serve(self, line.text, line.arrival)
+            if arrivals.stops != before:
+                self._note_own_stop(before)
         elif not self.session.admit_error(self._manager.clock.now_s()):
             self.end(Failure(ErrorKind.FLOODING, "empty lines without end"))
         self._search.first_line_served = True
-        return True
+        return bool(self._backlog)
 
-    def _note_own_stop(self, serve: Callable[[], None]) -> None:
-        """Serve one request; if it was a stop, what this client sent behind it was sent after it."""
-        arrivals = self._manager.arrivals
-        before = arrivals.stops
-        serve()
-        if arrivals.stops != before:
-            self._backlog.record_own_stop(before, arrivals.stops)
-            self._held.record_own_stop(before, arrivals.stops)
+    def _note_own_stop(self, before: int) -> None:
+        """The request that was served was a stop, after ``before`` others: what is behind it was sent after it."""
+        stops = self._manager.arrivals.stops
+        self._backlog.record_own_stop(before, stops)
+        self._held.record_own_stop(before, stops)
 
     def _serve_urgent(self) -> bool:
         """Serve the next urgent request, before or, when draining, instead of others; whether there may be more."""
+        if self._state is ConnectionState.OPEN and not self._backlog:
+            return False
         more = self._search.serve_next()
         if self._search.limit.exceeded:
             self._backlog.clear()
@@ -205,7 +207,10 @@ class SocketConnection(asyncio.Protocol):
         return more
 
     def _serve_urgent_request(self, request: Request) -> None:
-        self._note_own_stop(lambda: self._manager.dispatcher.serve_request(self, request))
+        before = self._manager.arrivals.stops
+        self._manager.dispatcher.serve_request(self, request)
+        if self._manager.arrivals.stops != before:
+            self._note_own_stop(before)
 
     def _limit_reading(self) -> None:
         """Pause reading while the backlog is full, or may hold stops: more bytes would only come after them."""

@@ -3,9 +3,10 @@
 import dis
 from typing import Any
 
-from benchmarks.calls import CallCounter, OpcodeCounter, count, count_opcodes, part_of
+from benchmarks.calls import CallCounter, OpcodeCounter, count, count_opcodes, count_request, part_of
 
 BOUND, FRAMES_BOUND, OPCODES_BOUND = 392, 280, 9_700
+REQUEST_FRAMES_BOUND, REQUEST_OPCODES_BOUND = 95, 1_820
 """A little above what a cycle takes. Raise one only for something that is worth it."""
 
 
@@ -21,6 +22,13 @@ def test_a_cycle_executes_no_more_opcodes_than_it_did() -> None:
     frames, opcodes = count_opcodes(cycles=12)
     assert 100 < frames <= FRAMES_BOUND
     assert 1000 < opcodes <= OPCODES_BOUND
+
+
+def test_a_drive_that_is_said_again_executes_no_more_opcodes_than_it_did() -> None:
+    """From its bytes to the bytes of its answer; it was 4,700 when each was carried out as a new one."""
+    frames, opcodes = count_request(cycles=12)
+    assert 30 < frames <= REQUEST_FRAMES_BOUND
+    assert 500 < opcodes <= REQUEST_OPCODES_BOUND
 
 
 def test_each_opcode_counts_one() -> None:

@@ -272,7 +272,7 @@ class FakeRobot:
             handle = (
                 own.handle if iscoroutinefunction(own.handle) else wraps(method.handle)(partial(own.handle))
             )
-            return replace(method, handle=handle, role=own.role)
+            return replace(method, handle=handle, role=own.role, renew=None)
 
         @wraps(method.handle)
         def remember(caller: Caller, params: Params) -> Sent:

@@ -113,7 +113,7 @@ class RequestHandled(Record, frozen=True):
     """An entry: a client's request is carried out. Params that hold a secret are None.
 
     ``number`` counts the requests and ``client`` the connections. ``name`` is what the client calls itself, ``where``
-    its address.
+    its address. One that ``renews`` says what is carried out already, and only lets it hold for longer.
     """
 
     recorded_as: ClassVar[str] = "/requests"
@@ -126,6 +126,7 @@ class RequestHandled(Record, frozen=True):
     name: str
     where: str
     role: str | None
+    renews: bool = False
 
 
 class ClientLeft(Record, frozen=True):

@@ -196,6 +196,8 @@ class Pipeline:
             self._tasks.add_request(job_name(entry.number), partial(method.handle, caller, params, caller))
             return
         try:
+            if entry.renews and method.renew is not None and method.renew(caller, params) is not None:
+                return
             method.handle(caller, params)
         except Exception:  # noqa: BLE001 - the client was refused, or heard of a fault
             return

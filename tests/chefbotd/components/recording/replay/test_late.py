@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,15 @@ from chefbotd.client import GoalCancelled
 from chefbotd.components.maps.storage.contents import save
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.components.simulation.worlds.flat import FLAT
-from chefbotd.core.events.inputs import StateRecorded
+from chefbotd.core.events.inputs import RequestHandled, StateRecorded
 from chefbotd.process.service import DaemonTarget
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot
 from chefbotd.testing.worker import worker_in_process
 from tests.chefbotd.components.recording.replay.recordings import LateRecorder, recorded_late, replayed
 from tests.chefbotd.components.recording.replay.test_replay import drive
+
+LateScript = Callable[[SimulatedRobot, LateRecorder], Awaitable[None]]
 
 START = {"sim.world.start_x_m": 2.45, "sim.world.start_y_m": 2.6, "sim.world.start_heading_rad": 2.1}
 
@@ -46,6 +49,40 @@ def test_a_recording_that_began_in_mid_drive_is_replayed_bit_for_bit() -> None:
     assert (outcome.from_start, outcome.from_state) == (False, True)
     assert outcome.comparison.counts["WheelsDriven"] > 15
     assert outcome.comparison.counts["SafetyChanged"] > 0  # the dead-man
+
+
+async def steady(robot: SimulatedRobot, recorder: LateRecorder) -> None:
+    """Repeats one command until it is followed as it is, and on; recording begins in the middle."""
+    await asyncio.sleep(0.9)
+    await drive(robot, 0.21, 0.37, 1.3)
+    recorder.begin()
+    await drive(robot, 0.21, 0.37, 0.5)
+    await robot.client.stop()
+    await asyncio.sleep(0.7)
+
+
+async def steady_as_earlier(robot: SimulatedRobot, recorder: LateRecorder) -> None:
+    """The same of a daemon that knows no renewal, as those of earlier versions."""
+    robot.daemon.rpc.exchange_methods(lambda method: replace(method, renew=None))
+    await steady(robot, recorder)
+
+
+@pytest.mark.parametrize("script", [steady, steady_as_earlier])
+def test_commands_that_were_renewed_are_renewed_in_a_replay_and_others_carried_out(
+    script: LateScript,
+) -> None:
+    """The recording says which; that of an earlier version says so of none."""
+    settings = load()
+    events = recorded_late(script, settings)
+    renewals = [
+        event.renews for event in events if isinstance(event, RequestHandled) and event.method == "drive"
+    ]
+    assert any(renewals) is (script is steady)
+    assert len(renewals) > 5
+    outcome = replayed(events, settings)
+    assert outcome.problems == []
+    assert outcome.first is None, str(outcome.first)
+    assert outcome.comparison.counts["WheelsDriven"] > 20
 
 
 def test_limits_that_wait_for_the_robot_to_stand_are_in_the_state() -> None:
