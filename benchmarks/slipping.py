@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from chefbotd.core.events.robot import ImuMeasured, WheelsDriven
 from chefbotd.core.record import Record
 from chefbotd.motion.fused_odometry import FusedOdometry
-from chefbotd.motion.odometry import FusionParameters
+from chefbotd.motion.odometry import BIAS_WALK_RAD_S_PER_ROOT_S, HEADING_WALK_RAD_PER_ROOT_S, FusionParameters
 
 TRACK_M = 0.3
 CYCLE_S = 0.05
@@ -117,11 +117,9 @@ def drive(
             chance, TURN_VARIANCE, turn_rad
         )
         middle_rad, true_m = heading_rad + true_rad / 2, (true_left + true_right) / 2
-        walked = CALIBRATED.bias_walk_rad_s_per_root_s * root_s
+        walked = BIAS_WALK_RAD_S_PER_ROOT_S * root_s
         bias_rad_s, drift_rad_s = bias_rad_s + chance.gauss(0, walked), drift_rad_s + chance.gauss(0, walked)
-        drifted_rad += drift_rad_s * CYCLE_S + chance.gauss(
-            0, CALIBRATED.heading_walk_rad_per_root_s * root_s
-        )
+        drifted_rad += drift_rad_s * CYCLE_S + chance.gauss(0, HEADING_WALK_RAD_PER_ROOT_S * root_s)
         shown_rad, scale = heading_rad + true_rad, 1 + robot.gyro_scale
         if raw_imu:
             readings = _rate(stamp_s, true_rad / CYCLE_S * scale + bias_rad_s, chance)

@@ -246,6 +246,10 @@ def main(arguments: Sequence[str]) -> int:
 
         for name, figure, note in Walls(house).report(ROOT):
             console.print(_row(name, figure, note))
+        from tests.unset_keys import unset_here
+
+        unset = unset_here()
+        console.print(_row("keys that nothing sets", len(unset), ", ".join(sorted(unset))))
     if len(folders) < len(arguments):
         for name, importer in house.small_files_of_one().items():
             console.print(f"{house.modules[name].lines:4} {name} <- {importer}")

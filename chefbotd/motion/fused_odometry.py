@@ -20,7 +20,12 @@ from chefbotd.motion.heading_fusion import FusionState, note_cycle, note_refusal
 from chefbotd.motion.imu_agreement import ImuAgreement
 from chefbotd.motion.imu_track import HeadingTrack, RateTrack
 from chefbotd.motion.motion_filter import Considered, MotionEstimate, MotionStep
-from chefbotd.motion.odometry import FusionParameters
+from chefbotd.motion.odometry import (
+    BIAS_WALK_RAD_S_PER_ROOT_S,
+    HEADING_WALK_RAD_PER_ROOT_S,
+    SLIP_RAD,
+    FusionParameters,
+)
 from chefbotd.motion.wheel_slip import QUIET_S, TurnSample, widened_step
 
 OUTLIER_SHARE: Final = 0.03
@@ -72,7 +77,7 @@ class FusedOdometry(StatefulPart[FusionState]):
         per_m = (parameters.ratio_sigma / track_width_m) ** 2
         self._by_wheels = Considered(size, parameters.track_sigma**2, per_m, gyro)
         self._by_gyro = Considered(size, gyro, 0.0, gyro)
-        self._limits = parameters.slip_rad, 3 * (parameters.track_sigma + parameters.gyro_scale_sigma)
+        self._limits = SLIP_RAD, 3 * (parameters.track_sigma + parameters.gyro_scale_sigma)
         self.memory = FusionState()
 
     @property
@@ -298,8 +303,8 @@ class FusedOdometry(StatefulPart[FusionState]):
             (left_m2 + right_m2) / 4,
             turned_rad2,
             (right_m2 - left_m2) / (2 * track_m),
-            parameters.heading_walk_rad_per_root_s**2 * dt_s,
-            parameters.bias_walk_rad_s_per_root_s**2 * dt_s,
+            HEADING_WALK_RAD_PER_ROOT_S**2 * dt_s,
+            BIAS_WALK_RAD_S_PER_ROOT_S**2 * dt_s,
             bias_turns=False,
         )
 
@@ -329,8 +334,8 @@ class FusedOdometry(StatefulPart[FusionState]):
             self._per_m * (abs(left_m) + abs(right_m)) / 4,
             turned_rad2,
             0.0,
-            parameters.heading_walk_rad_per_root_s**2 * dt_s,
-            parameters.bias_walk_rad_s_per_root_s**2 * dt_s,
+            HEADING_WALK_RAD_PER_ROOT_S**2 * dt_s,
+            BIAS_WALK_RAD_S_PER_ROOT_S**2 * dt_s,
             bias_turns=now.resting_s <= REST_S,
         )
 

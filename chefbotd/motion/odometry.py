@@ -7,9 +7,9 @@ Burgard and Fox, "Probabilistic Robotics", 5.4).
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from enum import StrEnum
-from typing import TypeAlias
+from typing import Any, ClassVar, Final, TypeAlias
 
 from pydantic import Field
 
@@ -20,6 +20,21 @@ from chefbotd.core.record import Record
 Response: TypeAlias = tuple[float, float, float]
 """How far x (m), y (m) and the heading (rad) move per unit of an error."""
 
+BIAS_WALK_RAD_S_PER_ROOT_S: Final = 2e-5
+"""How fast the bias of a gyroscope changes, as a random walk; assumed."""
+
+HEADING_WALK_RAD_PER_ROOT_S: Final = 1e-4
+"""How fast a heading that the board sends goes astray, as a random walk; assumed."""
+
+SLIP_RAD: Final = 0.031
+"""Wheels and IMU must differ by this in a quarter of a second for a wheel to slip; assumed."""
+
+COMMAND_TIME_CONSTANT_S: Final = 0.1
+"""How fast a wheel follows a command, where odometry is made of commands; assumed."""
+
+COMMAND_SIGMA: Final = 0.1
+"""The share by which a wheel may be off a command there; assumed."""
+
 
 class FusionParameters(Parameters):
     """``[odometry.fusion]``: what calibration leaves uncertain, and what disturbs the IMU; each one sigma.
@@ -28,9 +43,14 @@ class FusionParameters(Parameters):
     robot that was not calibrated has the defaults. ``heading_noise_rad`` is that of a board that sends its orientation
     with two decimals. The noise of the gyroscope is that of an MPU-6050 (0.005 deg/s/sqrt(Hz)), ten times over for
     vibration, which is assumed. ``gyro_bias_rad_s`` and ``heading_drift_rad_s`` are how uncertain the two are at
-    start, the walks how fast they change. The wheels and the IMU must differ by ``slip_rad`` in a quarter of a second
-    for a wheel to slip.
+    start.
     """
+
+    retired: ClassVar[Mapping[str, Any]] = {
+        "bias_walk_rad_s_per_root_s": BIAS_WALK_RAD_S_PER_ROOT_S,
+        "heading_walk_rad_per_root_s": HEADING_WALK_RAD_PER_ROOT_S,
+        "slip_rad": SLIP_RAD,
+    }
 
     size_sigma: float = Field(default=0.005, ge=0, le=0.2)
     """How uncertain the size of the wheels is, as a share."""
@@ -46,13 +66,8 @@ class FusionParameters(Parameters):
     """The noise of the gyroscope, in radians for the root of a second."""
     gyro_bias_rad_s: float = Field(default=0.02, ge=0, le=1)
     """How uncertain the gyroscope's bias is at the start."""
-    bias_walk_rad_s_per_root_s: float = Field(default=2e-5, ge=0, le=1)
-    """How fast that bias changes, as a random walk."""
     heading_drift_rad_s: float = Field(default=2e-4, ge=0, le=1)
     """How uncertain the drift of the board's heading is at the start."""
-    heading_walk_rad_per_root_s: float = Field(default=1e-4, ge=0, le=1)
-    """How fast the board's heading goes astray, as a random walk."""
-    slip_rad: float = Field(default=0.031, gt=0, le=1)
     project_tilt: bool = False
     """Take the travel's share in the plane, by the IMU's orientation; two decimals are too coarse for it."""
     max_acceleration_m_s2: float | None = Field(default=None, gt=0, le=1000)
@@ -71,9 +86,13 @@ class OdometryParameters(Parameters):
     """The source of odometry, and how fast certainty is lost.
 
     The defaults are one sigma of a centimetre per side after a metre, and of a degree after a turned radian.
-    ``fusion`` is for the source ``wheels_imu``. A wheel follows a command with ``command_time_constant_s``, and goes
-    ``command_sigma`` of its speed too fast or slow; both are assumed, and only for the source ``commands``.
+    ``fusion`` is for the source ``wheels_imu``.
     """
+
+    retired: ClassVar[Mapping[str, Any]] = {
+        "command_time_constant_s": COMMAND_TIME_CONSTANT_S,
+        "command_sigma": COMMAND_SIGMA,
+    }
 
     source: OdometrySource = OdometrySource.WHEELS
     """What odometry is made of: the wheels, the wheels and the IMU, or the speeds that were commanded."""
@@ -81,10 +100,6 @@ class OdometryParameters(Parameters):
     """How fast the travelled way becomes uncertain."""
     turn_variance_rad2_per_rad: float = Field(default=3e-4, ge=0, le=1)
     """How fast the heading becomes uncertain in a turn."""
-    command_time_constant_s: float = Field(default=0.1, ge=0, le=2)
-    """How fast a wheel follows a command (assumed), for the source ``commands``."""
-    command_sigma: float = Field(default=0.1, ge=0, le=1)
-    """The share by which a wheel may be off a command (assumed), for the source ``commands``."""
     fusion: FusionParameters = section()
 
 

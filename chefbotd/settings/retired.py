@@ -44,14 +44,14 @@ def _sections(
         return
     for name, field in model.model_fields.items():
         key = field.alias or name
-        for inner in _models_in(field.annotation):
-            for place, table in _tables(values.get(key), field.annotation, f"{path}{key}."):
+        for inner in models_in(field.annotation):
+            for place, table in tables_in(values.get(key), field.annotation, f"{path}{key}."):
                 yield from _sections(inner, table, place)
     if issubclass(model, Parameters):
         yield model, values, path
 
 
-def _tables(value: Any, annotation: Any, path: str) -> Iterator[tuple[str, Any]]:
+def tables_in(value: Any, annotation: Any, path: str) -> Iterator[tuple[str, Any]]:
     """One table, those in a list, or those by name."""
     kinds = [get_origin(kind) for kind in (annotation, *get_args(annotation))]
     if isinstance(value, list):
@@ -62,11 +62,12 @@ def _tables(value: Any, annotation: Any, path: str) -> Iterator[tuple[str, Any]]
         yield path, value
 
 
-def _models_in(annotation: object) -> Iterator[type[BaseModel]]:
+def models_in(annotation: object) -> Iterator[type[BaseModel]]:
+    """The models of tables that may stand there."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for argument in get_args(annotation):
-        yield from _models_in(argument)
+        yield from models_in(argument)
 
 
 def _require_equal(value: object, constant: object, path: str) -> None:

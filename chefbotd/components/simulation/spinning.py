@@ -12,7 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from chefbotd.components.simulation.arrays import Vector
-from chefbotd.components.simulation.parameters.simulation import GLASS_SQUARE, WOBBLE_S, LidarFlaws
+from chefbotd.components.simulation.parameters.simulation import (
+    GLASS_SQUARE,
+    LONE_INTENSITY,
+    LONE_RANGE_M,
+    WOBBLE_S,
+    LidarFlaws,
+)
 from chefbotd.components.simulation.scene import Scene
 from chefbotd.components.simulation.world import RayCaster, to_discs_m
 from chefbotd.components.simulation.worlds.building import Material
@@ -226,8 +232,8 @@ class SpinningLidar(ABC):
 
     def _add_noise(self, distance_m: Vector, intensity: Vector) -> None:
         """Replace some readings by lone weak ones, as sunlight does."""
-        drawn, flaws = self._lone.random((len(distance_m), 3)), self._flaws
+        drawn = self._lone.random((len(distance_m), 3))
         is_lone = drawn[:, 0] < self._lone_share
-        nearest_m, farthest_m = flaws.lone_range_m
+        nearest_m, farthest_m = LONE_RANGE_M
         distance_m[is_lone] = nearest_m + (farthest_m - nearest_m) * drawn[is_lone, 1]
-        intensity[is_lone] = 1 + np.floor(drawn[is_lone, 2] * flaws.lone_intensity)
+        intensity[is_lone] = 1 + np.floor(drawn[is_lone, 2] * LONE_INTENSITY)

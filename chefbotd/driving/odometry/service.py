@@ -29,7 +29,13 @@ from chefbotd.features.feature import Feature, Service
 from chefbotd.motion import odometry as dead_reckoning
 from chefbotd.motion.fused_odometry import FusedOdometry
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
-from chefbotd.motion.odometry import OdometryParameters, OdometrySource, OdometryState
+from chefbotd.motion.odometry import (
+    COMMAND_SIGMA,
+    COMMAND_TIME_CONSTANT_S,
+    OdometryParameters,
+    OdometrySource,
+    OdometryState,
+)
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import DONE, Done
 from chefbotd.rpc.parameters import Role
@@ -69,7 +75,7 @@ class OdometryService(StatefulPart[OdometryServiceState]):
                 bus.add_handler(self._integrate, WheelsMeasured, on_error=self._failure.report)
             case OdometrySource.COMMANDS:
                 # what is commanded is no measurement: its errors do not shrink with a better wheel
-                variance = parameters.command_sigma**2
+                variance = COMMAND_SIGMA**2
                 self._parameters = parameters.model_copy(
                     update={
                         "travel_variance_m2_per_m": variance,
@@ -131,8 +137,7 @@ class OdometryService(StatefulPart[OdometryServiceState]):
         before_s, self.memory.driven_s = self.memory.driven_s, event.stamp_s
         dt_s = 0.0 if before_s is None else max(event.stamp_s - before_s, 0.0)
         left_m, right_m = (speed_m_s * dt_s for speed_m_s in self.memory.sides_m_s)
-        time_constant_s = self._parameters.command_time_constant_s
-        share = 1.0 if time_constant_s == 0 else -math.expm1(-dt_s / time_constant_s)
+        share = -math.expm1(-dt_s / COMMAND_TIME_CONSTANT_S)
         target_m_s = self._kinematics.side_travel_m(event.target_rad_s) if any(event.duty) else (0.0, 0.0)
         left_m_s, right_m_s = (
             now + share * (target - now)

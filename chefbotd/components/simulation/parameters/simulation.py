@@ -83,6 +83,12 @@ GLASS_SQUARE: Final = 0.97
 HANDOVER_S: Final = 0.01
 """How often a lidar's USB converter hands over what has come."""
 
+LONE_RANGE_M: Final = (0.05, 1.0)
+"""Between these ranges the noise of sunlight is evenly spread; assumed."""
+
+LONE_INTENSITY: Final = 12
+"""That noise is as bright as this at most; assumed."""
+
 
 class LidarFlaws(Parameters):
     """An LD19: 4500 points/s at about ten turns a second, with a noise of a centimetre (LDROBOT's data sheet).
@@ -91,13 +97,15 @@ class LidarFlaws(Parameters):
     ``rate_wobble_share``; a share of the beams is lost. A black surface is seen from ``black_range_m`` at most. The
     shares and black are assumed.
     ``height_m`` is the height of a lidar without a ``mount_z_m`` of its own. A ``lone_share`` of the beams shows noise
-    instead, as in sunlight: evenly spread over ``lone_range_m``, as bright as ``lone_intensity`` at most.
+    instead, as in sunlight.
     """
 
     retired: ClassVar[Mapping[str, Any]] = {
         "wobble_s": WOBBLE_S,
         "glass_square": GLASS_SQUARE,
         "handover_s": HANDOVER_S,
+        "lone_range_m": list(LONE_RANGE_M),
+        "lone_intensity": LONE_INTENSITY,
     }
 
     turns_per_s: float = Field(10.0, ge=2, le=20)
@@ -122,10 +130,6 @@ class LidarFlaws(Parameters):
     height_m: float = Field(0.2, gt=0, le=2.4)
     lone_share: float = Field(0.0, ge=0, le=1)
     """The share of beams that show lone weak noise instead, as in sunlight."""
-    lone_range_m: tuple[float, float] = (0.05, 1.0)
-    """Between these ranges that noise is evenly spread."""
-    lone_intensity: int = Field(12, ge=1, le=255)
-    """That noise is as bright as this at most."""
 
 
 class SimUltrasonicParameters(Parameters):
