@@ -63,7 +63,7 @@ log = structlog.get_logger(__name__)
 FOREIGN = re.compile(rb"HTTP/[0-9]|\ASSH-|[\x00-\x08\x0e-\x1f]")
 """What no line of JSON that was merely mistyped has in it."""
 
-NOT_JSON = {kind for kind, error in ERRORS.items() if error.code == ERRORS[ErrorKind.PARSE_ERROR].code}
+NOT_JSON = {kind for kind in ERRORS if kind.code == ErrorKind.PARSE_ERROR.code}
 WASTED = NOT_JSON | {ErrorKind.INVALID_REQUEST, ErrorKind.RATE_LIMITED}
 
 
@@ -163,7 +163,7 @@ class Dispatcher:
         session = caller.session
         if failure.kind in WASTED and not session.admit_error(self._clock.now_s()):
             failure = Failure(ErrorKind.FLOODING, f"{failure.message}; this happened too often", failure.id)
-        if ERRORS[failure.kind].closes or (foreign and not session.proven):
+        if failure.kind.closes or (foreign and not session.proven):
             caller.end(failure)
         elif wants_answer:
             caller.reply(jsonrpc.error(failure))

@@ -8,10 +8,9 @@ import json
 import math
 import re
 from collections.abc import Mapping
-from enum import StrEnum
 from typing import Any, NoReturn
 
-from chefbotd.core.commands import RefusalKind
+from chefbotd.core.commands import CodedKind, RefusalKind
 from chefbotd.core.record import Record
 from chefbotd.rpc.encoding import EventPayload
 
@@ -21,157 +20,61 @@ MAX_INTEGER_DIGITS = 19  # those of 2^63 - 1
 RequestId = str | int | None
 
 
-class ErrorKind(StrEnum):
-    """Stable names of the socket's own errors; a refusing robot adds ``RefusalKind``."""
+class ErrorKind(CodedKind):
+    """The socket's own errors; a refusing robot adds ``RefusalKind``."""
 
-    PARSE_ERROR = "parse_error"
-    NOT_UTF8 = "not_utf8"
-    NON_FINITE_NUMBER = "non_finite_number"
-    HUGE_INTEGER = "huge_integer"
-    DUPLICATE_KEY = "duplicate_key"
-    TOO_DEEP = "too_deep"
-    LONE_SURROGATE = "lone_surrogate"
-    REQUEST_TOO_LARGE = "request_too_large"
-    INVALID_REQUEST = "invalid_request"
-    METHOD_NOT_FOUND = "method_not_found"
-    INVALID_PARAMS = "invalid_params"
-    UNKNOWN_TOPIC = "unknown_topic"
-    INTERNAL = "internal"
-    TOO_MANY_CLIENTS = "too_many_clients"
-    UNAUTHENTICATED = "unauthenticated"
-    WRONG_TOKEN = "wrong_token"  # noqa: S105 - the name of an error
-    FORBIDDEN = "forbidden"
-    LEASE_HELD = "lease_held"
-    RATE_LIMITED = "rate_limited"
-    FLOODING = "flooding"
-    TIMED_OUT = "timed_out"
-    OVERTAKEN = "overtaken"
-    TOO_OLD = "too_old"
-    TOO_MANY_JOBS = "too_many_jobs"
-    NO_SUCH_JOB = "no_such_job"
-    CANCELLED = "cancelled"
-
-
-class ErrorClass(Record, frozen=True):
-    """A JSON-RPC code, what a kind of error means, and whether it ends the connection."""
-
-    code: int
-    meaning: str
-    closes: bool = False
-
-
-ERRORS: Mapping[str, ErrorClass] = {
-    ErrorKind.PARSE_ERROR: ErrorClass(-32700, "the line is not JSON"),
-    ErrorKind.NOT_UTF8: ErrorClass(-32700, "the line is not UTF-8"),
-    ErrorKind.NON_FINITE_NUMBER: ErrorClass(-32700, "NaN, Infinity, or a number beyond a double"),
-    ErrorKind.HUGE_INTEGER: ErrorClass(-32700, "an integer that does not fit 64 bits"),
-    ErrorKind.DUPLICATE_KEY: ErrorClass(-32700, "an object has a key twice"),
-    ErrorKind.TOO_DEEP: ErrorClass(-32700, f"nested deeper than {MAX_DEPTH}"),
-    ErrorKind.LONE_SURROGATE: ErrorClass(-32700, "an escape that is half of a surrogate pair"),
-    ErrorKind.REQUEST_TOO_LARGE: ErrorClass(
-        -32600, "the line is too long; the connection is closed", closes=True
-    ),
-    ErrorKind.INVALID_REQUEST: ErrorClass(-32600, "JSON, but not a JSON-RPC 2.0 request"),
-    ErrorKind.METHOD_NOT_FOUND: ErrorClass(
+    PARSE_ERROR = ("parse_error", -32700, "the line is not JSON")
+    NOT_UTF8 = ("not_utf8", -32700, "the line is not UTF-8")
+    NON_FINITE_NUMBER = ("non_finite_number", -32700, "NaN, Infinity, or a number beyond a double")
+    HUGE_INTEGER = ("huge_integer", -32700, "an integer that does not fit 64 bits")
+    DUPLICATE_KEY = ("duplicate_key", -32700, "an object has a key twice")
+    TOO_DEEP = ("too_deep", -32700, f"nested deeper than {MAX_DEPTH}")
+    LONE_SURROGATE = ("lone_surrogate", -32700, "an escape that is half of a surrogate pair")
+    REQUEST_TOO_LARGE = ("request_too_large", -32600, "the line is too long; the connection is closed", True)
+    INVALID_REQUEST = ("invalid_request", -32600, "JSON, but not a JSON-RPC 2.0 request")
+    METHOD_NOT_FOUND = (
+        "method_not_found",
         -32601,
         "this robot has no such method: it is misspelt, or of a component that its configuration does not ask for",
-    ),
-    ErrorKind.INVALID_PARAMS: ErrorClass(
-        -32602, "a parameter is missing, unknown, or of the wrong type or range"
-    ),
-    ErrorKind.UNKNOWN_TOPIC: ErrorClass(-32602, "no such topic on this robot"),
-    ErrorKind.INTERNAL: ErrorClass(-32603, "a fault in the daemon; it is in the log"),
-    ErrorKind.TOO_MANY_CLIENTS: ErrorClass(-32000, "too many clients; the connection is closed", closes=True),
-    ErrorKind.UNAUTHENTICATED: ErrorClass(-32020, "this daemon requires a token; send authenticate first"),
-    ErrorKind.WRONG_TOKEN: ErrorClass(
-        -32021, "the token is not valid; the connection is closed", closes=True
-    ),
-    ErrorKind.FORBIDDEN: ErrorClass(-32022, "the client's role does not include this method"),
-    ErrorKind.LEASE_HELD: ErrorClass(-32023, "another client has control of this source of commands"),
-    ErrorKind.RATE_LIMITED: ErrorClass(-32024, "too many requests a second; this one was not carried out"),
-    ErrorKind.FLOODING: ErrorClass(
-        -32025, "too many requests that could not be served; the connection is closed", closes=True
-    ),
-    ErrorKind.TIMED_OUT: ErrorClass(
-        -32026, "the client took too long; the connection is closed", closes=True
-    ),
-    ErrorKind.OVERTAKEN: ErrorClass(
+    )
+    INVALID_PARAMS = (
+        "invalid_params",
+        -32602,
+        "a parameter is missing, unknown, or of the wrong type or range",
+    )
+    UNKNOWN_TOPIC = ("unknown_topic", -32602, "no such topic on this robot")
+    INTERNAL = ("internal", -32603, "a fault in the daemon; it is in the log")
+    TOO_MANY_CLIENTS = ("too_many_clients", -32000, "too many clients; the connection is closed", True)
+    UNAUTHENTICATED = ("unauthenticated", -32020, "this daemon requires a token; send authenticate first")
+    WRONG_TOKEN = ("wrong_token", -32021, "the token is not valid; the connection is closed", True)
+    FORBIDDEN = ("forbidden", -32022, "the client's role does not include this method")
+    LEASE_HELD = ("lease_held", -32023, "another client has control of this source of commands")
+    RATE_LIMITED = ("rate_limited", -32024, "too many requests a second; this one was not carried out")
+    FLOODING = (
+        "flooding",
+        -32025,
+        "too many requests that could not be served; the connection is closed",
+        True,
+    )
+    TIMED_OUT = ("timed_out", -32026, "the client took too long; the connection is closed", True)
+    OVERTAKEN = (
+        "overtaken",
         -32027,
         "a stop was carried out that came after this command, or may have; send it again if it is still wanted",
-    ),
-    ErrorKind.TOO_OLD: ErrorClass(
+    )
+    TOO_OLD = (
+        "too_old",
         -32028,
         "the command waited longer than a command remains in force, or through a pause of the daemon in which the "
         "robot drove; send it again if it is still wanted",
-    ),
-    ErrorKind.TOO_MANY_JOBS: ErrorClass(-32030, "too many requests of this client are running"),
-    ErrorKind.NO_SUCH_JOB: ErrorClass(-32031, "no such request of this client is running"),
-    ErrorKind.CANCELLED: ErrorClass(-32032, "the request was cancelled by cancel"),
-    RefusalKind.DISARMED: ErrorClass(-32001, "the robot is disarmed; send arm first"),
-    RefusalKind.ESTOPPED: ErrorClass(-32002, "the emergency stop is latched; send arm to release it"),
-    RefusalKind.STOPPED: ErrorClass(
-        -32029, "another client's stop blocks this source until its driver releases the controls or sends arm"
-    ),
-    RefusalKind.STOPPED_SINCE: ErrorClass(
-        -32033,
-        "the robot was stopped, or had a fault, after this was decided or sent; decide again, and send it again",
-    ),
-    RefusalKind.LINK_DOWN: ErrorClass(-32003, "the board is not connected"),
-    RefusalKind.UNKNOWN_SOURCE: ErrorClass(-32004, "no such source of commands is configured"),
-    RefusalKind.UNKNOWN_WHEEL: ErrorClass(-32005, "no such wheel"),
-    RefusalKind.WORKER_UNAVAILABLE: ErrorClass(
-        -32050, "the worker process is not available; the topic worker says why"
-    ),
-    RefusalKind.NOT_MAPPING: ErrorClass(-32051, "no map is being made; send start_mapping"),
-    RefusalKind.ALREADY_MAPPING: ErrorClass(-32052, "another map is being made; finish or discard it first"),
-    RefusalKind.OUT_OF_RANGE: ErrorClass(-32006, "a value outside the range of this robot"),
-    RefusalKind.NOTHING_TO_UNDO: ErrorClass(-32007, "there is no change to take back"),
-    RefusalKind.BAD_NAME: ErrorClass(-32040, "a map or a place cannot have this name"),
-    RefusalKind.UNKNOWN_MAP: ErrorClass(-32041, "no map of this name is stored"),
-    RefusalKind.MAP_EXISTS: ErrorClass(-32042, "another map has this name"),
-    RefusalKind.MAP_UNREADABLE: ErrorClass(-32043, "a file is missing, damaged or not a map"),
-    RefusalKind.NO_MAP_LOADED: ErrorClass(-32044, "no map is in use; send load_map"),
-    RefusalKind.UNKNOWN_PLACE: ErrorClass(-32045, "the map has no place of this name"),
-    RefusalKind.POSE_UNKNOWN: ErrorClass(-32046, "the robot's pose in the map is not known"),
-    RefusalKind.UNKNOWN_ZONE: ErrorClass(-32059, "the map has no zone with this id"),
-    RefusalKind.UNKNOWN_EDIT: ErrorClass(-32069, "the map has no edit with this id"),
-    RefusalKind.CHANGED_MEANWHILE: ErrorClass(
-        -32048, "somebody else changed this after it was read; read it again, and send the change again"
-    ),
-    RefusalKind.NEEDS_CONFIRMATION: ErrorClass(
-        -32049, "this has a consequence that may not be meant; send it again with confirmed, if it is"
-    ),
-    RefusalKind.STORAGE_FAILED: ErrorClass(-32047, "the disk failed; what was stored before is unchanged"),
-    RefusalKind.ALREADY_RECORDING: ErrorClass(
-        -32053, "a recording is in progress; send stop_recording first"
-    ),
-    RefusalKind.NOT_RECORDING: ErrorClass(-32054, "nothing is being recorded; send start_recording"),
-    RefusalKind.CANNOT_CALIBRATE: ErrorClass(-32056, "this step of the calibration cannot be begun now"),
-    RefusalKind.NOT_CALIBRATED: ErrorClass(-32057, "no such step has passed; send calibrate"),
-    RefusalKind.UNKNOWN_GOAL: ErrorClass(-32058, "no goal of this number or id is remembered"),
-    RefusalKind.AGENT_EXISTS: ErrorClass(-32060, "this name, or this connection, is another agent's"),
-    RefusalKind.NOT_AN_AGENT: ErrorClass(-32061, "only agents may do this; send register_agent first"),
-    RefusalKind.UNKNOWN_AGENT: ErrorClass(-32062, "no agent has this name, or it does not offer this method"),
-    RefusalKind.UNKNOWN_BUTTON: ErrorClass(-32063, "there is no such button"),
-    RefusalKind.UNKNOWN_QUESTION: ErrorClass(-32064, "no such question waits for an answer"),
-    RefusalKind.UNKNOWN_CALL: ErrorClass(-32065, "no such call of this agent waits for an answer"),
-    RefusalKind.AGENT_FAILED: ErrorClass(-32066, "the agent answered that it failed; the message is its own"),
-    RefusalKind.AGENT_LEFT: ErrorClass(-32067, "the agent left before it answered"),
-    RefusalKind.AGENT_TIMED_OUT: ErrorClass(-32068, "the agent did not answer in time"),
-    RefusalKind.CANNOT_INVITE: ErrorClass(-32070, "nobody can be invited like this; the message says why"),
-    RefusalKind.NOT_INVITED: ErrorClass(
-        -32071, "the invitation, or the access that it gave, does not exist or has ended"
-    ),
-    RefusalKind.TOO_MANY_ATTEMPTS: ErrorClass(-32072, "too many codes were tried; wait, and try again"),
-    RefusalKind.NO_PICTURE: ErrorClass(-32073, "the camera has sent no picture; the message says why"),
-    RefusalKind.TOO_MANY_VIEWERS: ErrorClass(
-        -32074, "too many look at the camera, or one client asked twice"
-    ),
-    RefusalKind.LATCHED_AGAIN: ErrorClass(
-        -32055,
-        "the robot was stopped again by something newer than this arm was sent for; find out why, then send arm",
-    ),
-}
+    )
+    TOO_MANY_JOBS = ("too_many_jobs", -32030, "too many requests of this client are running")
+    NO_SUCH_JOB = ("no_such_job", -32031, "no such request of this client is running")
+    CANCELLED = ("cancelled", -32032, "the request was cancelled by cancel")
+
+
+ERRORS: tuple[CodedKind, ...] = (*ErrorKind, *RefusalKind)
+"""Every error that a client may be answered."""
 
 
 class Request(Record, frozen=True):
@@ -186,7 +89,7 @@ class Request(Record, frozen=True):
 class Failure(Record, frozen=True):
     """Why there is no result; ``details`` joins ``kind`` in the error's ``data``."""
 
-    kind: str
+    kind: CodedKind
     message: str
     id: RequestId = None
     details: Mapping[str, object] = {}
@@ -332,5 +235,5 @@ _EVENT = (
 def error(failure: Failure) -> bytes:
     """The answer to a call that failed."""
     data = {"kind": str(failure.kind), **failure.details}
-    body = {"code": ERRORS[failure.kind].code, "message": failure.message, "data": data}
+    body = {"code": failure.kind.code, "message": failure.message, "data": data}
     return encode({"jsonrpc": "2.0", "id": failure.id, "error": body})

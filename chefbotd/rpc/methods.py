@@ -44,8 +44,8 @@ def describe(
         topics={name: _topic(topic) for name, topic in topics.items()},
         notifications={name: _schema(model) for name, model in NOTIFICATIONS.items()},
         errors={
-            str(kind): models.ErrorDescription(code=e.code, meaning=e.meaning, closes=e.closes)
-            for kind, e in ERRORS.items()
+            str(kind): models.ErrorDescription(code=kind.code, meaning=kind.meaning, closes=kind.closes)
+            for kind in ERRORS
         },
         plugins=plugins,
     )

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import msgspec
+
 from chefbotd.child import send_signal
 from chefbotd.components.maps.storage.disk import MapStoreError
 from chefbotd.components.maps.storage.importing import Order
@@ -52,7 +54,7 @@ async def run_import(order: Order, report: Report) -> tuple[int, str]:
     if "version" in message:
         return int(message["version"]), str(message.get("notes", ""))
     if "error" in message:
-        raise MapStoreError(RefusalKind(message["error"]), message["message"])
+        raise MapStoreError(msgspec.convert(message["error"], RefusalKind), message["message"])
     raise MapStoreError(
         RefusalKind.MAP_UNREADABLE,
         Sentence(

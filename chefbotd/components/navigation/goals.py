@@ -215,7 +215,9 @@ class Destinations:
         answer = await self._entries.answer("places", ask)
         refused = json.loads(answer)
         if "kind" in refused:
-            raise Refused(RefusalKind(refused["kind"]), sentence_of(refused["message"], refused))
+            raise Refused(
+                msgspec.convert(refused["kind"], RefusalKind), sentence_of(refused["message"], refused)
+            )
         return msgspec.json.decode(answer, type=PlaceList)
 
 

@@ -48,7 +48,7 @@ def test_every_topic_has_a_row_with_its_fields() -> None:
 
 def test_every_error_has_its_row() -> None:
     """Kinds, codes and meanings are those of the table that errors are made from."""
-    expected = {str(kind): f"| {error.code} | {error.meaning} |" for kind, error in ERRORS.items()}
+    expected = {str(kind): f"| {kind.code} | {kind.meaning} |" for kind in ERRORS}
     assert rows("Errors") == expected
 
 

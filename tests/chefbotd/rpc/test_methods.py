@@ -12,7 +12,6 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import TextReceived
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.rpc.encoding import EventPayload
-from chefbotd.rpc.jsonrpc import ERRORS
 from tests.budget import examples
 from tests.chefbotd.rpc.desk import Desk
 
@@ -171,7 +170,7 @@ def test_a_refusal_is_answered_with_its_kind(kind: RefusalKind) -> None:
     desk = Desk()
     desk.robot.answer = Refused(kind, "not now")
     error = desk.ask("drive", linear_m_s=0.1, angular_rad_s=0.0)["error"]
-    assert error == {"code": ERRORS[kind].code, "message": "not now", "data": {"kind": kind.value}}
+    assert error == {"code": kind.code, "message": "not now", "data": {"kind": kind.value}}
 
 
 def test_a_fault_is_answered_logged_and_counted() -> None:

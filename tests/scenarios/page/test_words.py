@@ -32,7 +32,7 @@ def shown(page: Any) -> str:
 
 def test_every_refusal_is_a_sentence(page: Any, daemon: FakeDaemon) -> None:
     """Whatever kind of refusal an action of the page ends with, the alert has a sentence and none of its names."""
-    for kind, error in ERRORS.items():
+    for kind in ERRORS:
         data: dict[str, Any] = {"kind": str(kind)}
         message = "the lidar is not connected"
         if kind == "invalid_params":
@@ -43,7 +43,7 @@ def test_every_refusal_is_a_sentence(page: Any, daemon: FakeDaemon) -> None:
             data |= {"source": "teleop", "holder": "page #a1b2 (10.0.0.7:5)"}
         if kind == "stopped":
             data |= {"source": "teleop", "stopped_by": "Ann (10.0.0.7:5)", "stop_hold_s": 1.0}
-        daemon.refusal = {"code": error.code, "message": message, "data": data}
+        daemon.refusal = {"code": kind.code, "message": message, "data": data}
         page.locator("#alert").evaluate("alert => { alert.textContent = ''; }")
         page.keyboard.press("Space")  # clicks that follow one another at once are one contact
         alert = page.locator("#alert")

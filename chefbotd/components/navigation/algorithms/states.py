@@ -48,6 +48,9 @@ class End(StrEnum):
     FAULT = "fault"
 
 
+FAILED: Final = frozenset({End.UNREACHABLE, End.BLOCKED, End.LOST, End.FAULT})
+"""The ends that nobody asked for."""
+
 END_WORDS: Final[Mapping[str, Sentence]] = {
     End.REACHED: Sentence("navigation.end_reached", "reached"),
     End.UNREACHABLE: Sentence("navigation.end_unreachable", "unreachable"),

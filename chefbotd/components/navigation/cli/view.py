@@ -15,6 +15,7 @@ from chefbotd.cli.common.echo import writing
 from chefbotd.client import Client
 from chefbotd.components.maps.cli.draw import MapMark, draw_map
 from chefbotd.components.maps.cli.live_view import MapTracker
+from chefbotd.components.navigation.algorithms.states import End
 from chefbotd.core.occupancy_grid import OccupancyGrid
 
 Disc = tuple[float, float, float]
@@ -23,7 +24,7 @@ Disc = tuple[float, float, float]
 
 RATE_HZ = 5.0
 TOPICS = ("odometry", "map_pose", "navigation", "path", "localization")
-ENDS = ("reached", "unreachable", "blocked", "cancelled", "lost", "fault")
+ENDS = frozenset(End)
 ROBOT, PATH, PLACE, SOMEBODY = "bold red", "green", "bold blue", "bold magenta"
 
 
