@@ -1,9 +1,12 @@
 """The folders for lasting data on the robot's computer, and the texts for errors of its disk."""
 
 import errno
+import fcntl
 import os
 import stat
-from collections.abc import Mapping
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from io import BufferedReader, BufferedWriter
 from pathlib import Path
 
@@ -18,12 +21,18 @@ _REASONS = {
     errno.EFBIG: "the file is too large",
 }
 
+LOCK_PATIENCE_S, LOCK_PERIOD_S = 30.0, 0.02
+
 
 class NotRegular(OSError):
     """A folder, a pipe, a socket or a device where a file is expected."""
 
     def __str__(self) -> str:
         return f"is no regular file: {self.filename}"
+
+
+class Locked(OSError):
+    """Another program has locked it for too long."""
 
 
 def open_regular(path: Path) -> BufferedReader:
@@ -96,10 +105,36 @@ def replace_file(path: Path, content: bytes, mode: int = 0o666) -> None:
     sync_folder(path.parent)
 
 
+@contextmanager
+def lock(path: Path, flags: int = os.O_RDONLY) -> Iterator[None]:
+    """Keep every other process and thread from what they lock by this file or folder. It ends with the process.
+
+    Raises:
+        Locked: another one has it for too long.
+        OSError: it cannot be opened with these ``flags`` (os.open).
+    """
+    descriptor = os.open(path, flags | os.O_NONBLOCK | os.O_CLOEXEC, 0o644)
+    try:
+        ends_s = time.monotonic() + LOCK_PATIENCE_S
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() > ends_s:
+                    raise Locked(errno.EWOULDBLOCK, "locked", str(path)) from None
+                time.sleep(LOCK_PERIOD_S)
+        yield
+    finally:
+        os.close(descriptor)
+
+
 def explain(error: OSError) -> str:
     """The reason in words."""
     if isinstance(error, NotRegular):
         return "it is no regular file"
+    if isinstance(error, Locked):
+        return "another program has locked it for too long"
     number = error.errno or 0
     return _REASONS.get(number) or (os.strerror(number) if number else str(error))
 

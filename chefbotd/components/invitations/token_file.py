@@ -9,7 +9,7 @@ from chefbotd.cli.common.credentials import ROLES
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.rpc.access import MAX_FILE_BYTES, AccessError, Keyring
-from chefbotd.storage import explain, read_file, replace_file
+from chefbotd.storage import explain, lock, read_file, replace_file
 
 TOKEN_BYTES = 32
 PRIVATE = 0o600
@@ -38,15 +38,19 @@ def new(role: str, path: Path | None) -> None:
 def add_line(path: Path, line: str) -> None:
     """Add a line to a token file, which only its owner can read; one that is none stays as it is.
 
+    Its folder is locked meanwhile: of two lines that are added in the same moment none is lost.
+
     Raises:
         ProgramError: it cannot be read or written, or is no token file.
     """
     try:
-        before = read_file(path, MAX_FILE_BYTES).decode() if path.exists() else ""
-        if before.strip():
-            Keyring.parse(before, str(path))
-        text = f"{before.rstrip()}\n{line}\n".lstrip()
-        replace_file(path, text.encode(), PRIVATE)
+        file = path.resolve()  # a link stays one
+        with lock(file.parent):
+            before = read_file(file, MAX_FILE_BYTES).decode() if file.exists() else ""
+            if before.strip():
+                Keyring.parse(before, str(path))
+            text = f"{before.rstrip()}\n{line}\n".lstrip()
+            replace_file(file, text.encode(), PRIVATE)
     except AccessError as error:
         raise ProgramError(Exit.FAILED, str(error)) from error
     except UnicodeDecodeError:

@@ -1,12 +1,10 @@
 """The file operations of saving a map. Tests make each of them fail."""
 
-import fcntl
 import hashlib
 import os
 import shutil
-import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
@@ -44,8 +42,6 @@ Content: TypeAlias = bytes | Callable[[BinaryIO], object]
 
 TEMPORARY = ".tmp-"
 """How the names of files and folders begin that nobody needs once their writer is gone."""
-
-LOCK_PATIENCE_S, LOCK_PERIOD_S = 30.0, 0.02
 
 
 class Disk:
@@ -123,23 +119,11 @@ def lock_folder(folder: Path) -> Iterator[None]:
         MapStoreError: another one has it for too long.
         OSError: the folder cannot be written.
     """
-    # A FIFO of that name can be locked as well, and is opened at once for reading and writing.
-    descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT | os.O_NONBLOCK | os.O_CLOEXEC, 0o644)
-    try:
-        ends_s = time.monotonic() + LOCK_PATIENCE_S
-        while True:
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                if time.monotonic() > ends_s:
-                    raise MapStoreError(
-                        RefusalKind.STORAGE_FAILED,
-                        Sentence(
-                            "maps.locked", "another program has locked {folder} for too long", folder=folder
-                        ),
-                    ) from None
-                time.sleep(LOCK_PERIOD_S)
+    with ExitStack() as stack:
+        try:
+            # A FIFO of that name can be locked as well, and is opened at once for reading and writing.
+            stack.enter_context(storage.lock(folder / ".lock", os.O_RDWR | os.O_CREAT))
+        except storage.Locked:
+            why = Sentence("maps.locked", "another program has locked {folder} for too long", folder=folder)
+            raise MapStoreError(RefusalKind.STORAGE_FAILED, why) from None
         yield
-    finally:
-        os.close(descriptor)
