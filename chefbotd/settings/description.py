@@ -161,6 +161,9 @@ def _about(axis: int, angle_rad: float) -> Matrix:
 ALLOWED_M = 0.0005
 """The tolerance of lengths: descriptions are written by hand, in millimetres."""
 
+SAME_M = 1e-6
+"""What is configured alike is described by the same number."""
+
 ALLOWED_RAD = 0.005
 """The tolerance of angles, a quarter of a degree: they are written by hand as well."""
 
@@ -201,9 +204,22 @@ def _wheels(description: UrdfDescription, chassis: ChassisParameters) -> Iterato
         else:
             problem = "there is no such joint" if kind is None else f"the joint is {kind}"
             yield f"{wheel.name}: {problem}, expected a continuous one, the wheel's"
+    yield from _unlike_wheels(description, chassis)
     for name in description.wheel_names():
         if name not in configured:
             yield f"{name}: a continuous joint, expected none: chassis.wheels has no wheel of that name"
+
+
+def _unlike_wheels(description: UrdfDescription, chassis: ChassisParameters) -> Iterator[str]:
+    """Wheels of one radius that are described with two: 0.2 of 35 mm are 1.2 degrees a metre at a track of 0.28 m."""
+    first: dict[float, tuple[str, float]] = {}
+    for wheel in chassis.wheels:
+        described_m = description.radius_m(wheel.name) if description.joint_type(wheel.name) else None
+        if described_m is None or _apart(described_m, wheel.radius_m):
+            continue
+        name, radius_m = first.setdefault(wheel.radius_m, (wheel.name, described_m))
+        if _apart(described_m, radius_m, SAME_M):
+            yield f"{wheel.name}: the radius is {described_m:g} m, expected {radius_m:g} m as {name}'s: they are equal"
 
 
 def _wheel(description: UrdfDescription, wheel: WheelParameters, track_width_m: float) -> Iterator[str]:

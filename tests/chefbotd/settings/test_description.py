@@ -186,6 +186,54 @@ def test_a_turned_imu_is_described_as_it_is_configured(tmp_path: Path) -> None:
     assert differences(turned, load(overrides={"imu.mount_heading_rad": -3.1415926})) == []
 
 
+PUBLISHED = """<robot name="chefbot"><link name="base_link"/>
+  <joint name="left_wheel" type="continuous">
+    <parent link="base_link"/><child link="left_link"/>
+    <origin xyz="0 0.14 0.026" rpy="-1.5707963 0 0"/><axis xyz="0 0 1"/>
+  </joint>
+  <link name="left_link"><collision><geometry><cylinder length="0.0206" radius="0.0352"/></geometry></collision></link>
+  <joint name="right_wheel" type="continuous">
+    <parent link="base_link"/><child link="right_link"/>
+    <origin xyz="0 -0.14 0.026" rpy="-1.5707963 0 0"/><axis xyz="0 0 1"/>
+  </joint>
+  <link name="right_link"><collision><geometry><cylinder length="0.0206" radius="0.0350"/></geometry></collision></link>
+</robot>"""
+"""The wheels of chefbot_description/urdf/chefbot_base.urdf.xacro (ROM-robotics/chefbot), by our names."""
+
+WITHOUT_SENSORS = {"ultrasonic": None, "imu": None}
+
+
+def test_the_published_description_is_not_of_the_robot_that_its_host_drives(tmp_path: Path) -> None:
+    """Its host has a base_width of 0.3 m and 14865 ticks a metre, which are wheels of 0.045 m; it has neither."""
+    path = tmp_path / "chefbot.urdf"
+    path.write_text(PUBLISHED)
+    assert differences(UrdfDescription(path), load(overrides=WITHOUT_SENSORS)) == [
+        "left_wheel: the radius is 0.0352 m, expected 0.045 m (its radius_m)",
+        f"left_wheel: y is 0.14 m, expected 0.15 m (half {TRACK} left)",
+        "right_wheel: the radius is 0.035 m, expected 0.045 m (its radius_m)",
+        f"right_wheel: y is -0.14 m, expected -0.15 m (half {TRACK} right)",
+    ]
+
+
+def test_two_wheels_of_one_radius_are_described_by_one_number(tmp_path: Path) -> None:
+    """The published ones differ by 0.2 mm, less than a ruler shows; where both are configured so, nothing is told."""
+    path = tmp_path / "chefbot.urdf"
+    path.write_text(PUBLISHED)
+    base = {**WITHOUT_SENSORS, "chassis.track_width_m": 0.28}
+
+    def told(left_m: float, right_m: float) -> list[str]:
+        wheels = [
+            {"name": "left_wheel", "side": "left", "radius_m": left_m},
+            {"name": "right_wheel", "side": "right", "radius_m": right_m},
+        ]
+        return differences(UrdfDescription(path), load(overrides={**base, "chassis.wheels": wheels}))
+
+    assert told(0.035, 0.035) == [
+        "right_wheel: the radius is 0.035 m, expected 0.0352 m as left_wheel's: they are equal"
+    ]
+    assert told(0.0352, 0.035) == []
+
+
 def test_what_calibration_finds_changes_no_description() -> None:
     """A robot that turns as if it were wider, on wheels that roll farther, is built as it was."""
     found = {
