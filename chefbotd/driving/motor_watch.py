@@ -170,14 +170,12 @@ class MotorWatch(StatefulPart[MotorWatchState]):
 
     def note_command(self, command: WrittenCommand, *, is_held_back: bool = False) -> None:
         """A command goes to the board; ``is_held_back``: it may still wait on this side of the wire."""
-        now_s, duty = command.since_s, command.duty
+        memory, now_s, duty = self.memory, command.since_s, command.duty
         is_driven = any(duty)
-        if not is_driven or self.memory.unresponsive is not unresponsive.DRIVEN:
-            self.memory.unresponsive = unresponsive.record_command(
-                self.memory.unresponsive, now_s, driven=is_driven
-            )
-        self.memory.echo = echo.note_command(self.memory.echo, now_s, duty)
-        self.in_force.note_command(command, is_held_back=is_held_back)
+        if not is_driven or memory.unresponsive is not unresponsive.DRIVEN:
+            memory.unresponsive = unresponsive.record_command(memory.unresponsive, now_s, driven=is_driven)
+        memory.echo = echo.note_command(memory.echo, now_s, duty)
+        memory.in_force.note_command(command, is_held_back=is_held_back)
 
     def note_board(self, says: BoardSays) -> None:
         """What a board with our firmware says of itself."""
@@ -186,17 +184,16 @@ class MotorWatch(StatefulPart[MotorWatchState]):
     def note_line(self, event: EncodersCounted) -> None:
         """An encoder line has come, whether or not it is believed."""
         has_clock = event.stamp_s not in (event.board_s, event.arrival_s)
-        self.in_force.note_line(event.stamp_s, event.arrival_s, has_clock=has_clock)
+        self.memory.in_force.note_line(event.stamp_s, event.arrival_s, has_clock=has_clock)
 
     def note_echo(self, event: DutyEchoed) -> Fault | None:
         """Take an echo. One that may have waited on the line is not judged."""
-        if event.arrival_s < self.memory.blind_until_s:
+        memory, parameters, duty = self.memory, self._parameters.echo, event.duty
+        if event.arrival_s < memory.blind_until_s:
             return None
-        self.memory.echo, fault = echo.note_echo(
-            self._parameters.echo, self.memory.echo, event.arrival_s, event.duty
-        )
-        if self.memory.echo.fitting >= self._parameters.echo.min_confirmations:
-            self.in_force.note_echo(event.stamp_s, event.duty)
+        memory.echo, fault = echo.note_echo(parameters, memory.echo, event.arrival_s, duty)
+        if memory.echo.fitting >= parameters.min_confirmations:
+            memory.in_force.note_echo(event.stamp_s, duty)
         return fault
 
     def watch(self, now_s: float, seen: WheelsRead, credit: Credit) -> Iterable[Fault]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from operator import sub
 from typing import Any, Protocol
 
 from chefbotd.bus import Bus, OnError
@@ -106,7 +107,8 @@ class ObstacleGuard(StatefulValue[guard.Beams]):
             self._weighed_without = excluded
             self._weights = () if self._kinematics is None else self._kinematics.travel_weights(excluded)
         ahead_m = turned_rad = 0.0
-        for now_rad, then_rad, weight in zip(self.wheels.wheels_rad, wheels_rad, self._weights, strict=False):
-            ahead_m += (now_rad - then_rad) * weight[0]
-            turned_rad += (now_rad - then_rad) * weight[1]
+        rolled_rad = map(sub, self.wheels.wheels_rad, wheels_rad)
+        for rad, (ahead_m_per_rad, turned_per_rad) in zip(rolled_rad, self._weights, strict=False):
+            ahead_m += rad * ahead_m_per_rad
+            turned_rad += rad * turned_per_rad
         return ahead_m, turned_rad

@@ -52,32 +52,27 @@ class WheelReader(StatefulPart[WheelReaderState]):
 
     def read(self, event: EncodersCounted, setpoint_m_s: Sequence[float]) -> WheelsRead:
         """Read the next frame; ``setpoint_m_s`` are the commanded speeds of the rims since the last one."""
-        self.memory.encoders, reading = encoder.decode(
-            self._parameters,
-            self._signs,
-            self.memory.encoders,
-            event.counts,
-            event.board_s,
-            event.rate_counts_s,
+        memory, board_s = self.memory, event.board_s
+        memory.encoders, reading = encoder.decode(
+            self._parameters, self._signs, memory.encoders, event.counts, board_s, event.rate_counts_s
         )
+        compared = memory.compared
         if reading.refused:
             self._refuse(event, reading)
-            return WheelsRead(reading, 0.0, self.memory.compared)
+            return WheelsRead(reading, 0.0, compared)
         if reading.recognised_narrow:
             log.warning(
                 "the encoders' counters wrap at 16 bits: set [encoders] width_bits = 16, or each start loses travel",
                 counts=event.counts,
             )
-        dt_s = 0.0 if self.memory.board_s is None else event.board_s - self.memory.board_s
-        self.memory.board_s = event.board_s
-        before = self.memory.compared.substitutes
-        self.memory.compared = self._same_side.compare(
-            self.memory.compared, reading.travel_rad, setpoint_m_s, dt_s
-        )
-        if self.memory.compared.substitutes not in (before, ()):
-            names = [self._names[index] for index in self.memory.compared.excluded]
+        dt_s = 0.0 if memory.board_s is None else board_s - memory.board_s
+        memory.board_s = board_s
+        before = compared.substitutes
+        memory.compared = compared = self._same_side.compare(compared, reading.travel_rad, setpoint_m_s, dt_s)
+        if compared.substitutes and compared.substitutes != before:
+            names = [self._names[index] for index in compared.excluded]
             self._log.warning("wheels disagree with their side and are excluded from odometry", wheels=names)
-        return WheelsRead(reading, dt_s, self.memory.compared)
+        return WheelsRead(reading, dt_s, compared)
 
     def effort(self, seen: WheelsRead, effort: tuple[float, ...]) -> tuple[float, ...]:
         """The effort of each wheel since the last frame (see ``Drive.effort``)."""

@@ -170,7 +170,8 @@ class Drive:
         cycle_s = dt_s if dt_s >= pid.SHORTEST_S else state.cycle_s
         history = reference.remember(state.asked, Asked(dt_s, mean_m_s), measured_over_s + delay_s)
         state = self._setpoints.step(state, target, now_s, apart)
-        if not any(state.setpoint_m_s) and is_rest(target):
+        setpoint_m_s = state.setpoint_m_s
+        if not any(setpoint_m_s) and is_rest(target):
             return self.halt(replace(state, cycle_s=cycle_s))
         gains, accelerations = self._gains, state.acceleration_m_s2
         if self.knows_its_motors:
@@ -181,21 +182,33 @@ class Drive:
         steady_s, shares = 0.0, (1.0, 1.0)
         if measured_over_s > 0:
             asked_m_s = reference.mean_m_s(history, measured_over_s, delay_s)
-            speeds_m_s = reference.caught_up(speeds_m_s, asked_m_s, state.setpoint_m_s)
-            if not is_silent and reference.is_steady(asked_m_s, state.setpoint_m_s):
+            speeds_m_s = reference.caught_up(speeds_m_s, asked_m_s, setpoint_m_s)
+            if not is_silent and reference.is_steady(asked_m_s, setpoint_m_s):
                 steady_s = state.steady_s + dt_s
             shares = self._shares(steady_s)
         pids = state.pids
         if substitutes:
             pids = substitute_readings(substitutes, pids)
-            speeds_m_s = loop_speeds(substitutes, speeds_m_s, state.setpoint_m_s)
-        wheels = zip(gains, pids, state.setpoint_m_s, accelerations, speeds_m_s, strict=True)
+            speeds_m_s = loop_speeds(substitutes, speeds_m_s, setpoint_m_s)
+        wheels = zip(gains, pids, setpoint_m_s, accelerations, speeds_m_s, strict=True)
         stepped, outputs = self._step_wheels(wheels, state, dt_s, shares)
         share = self._share_left(state, outputs, speeds_m_s, dt_s)
-        driven = state.setpoint_m_s, accelerations, state.wheels_differ, history, steady_s
-        supplied = reached_m_s, cycle_s, state.supply_share, (), state.offered
         return DriveState(
-            stepped, self._duty(outputs), state.limiter, state.stepped_s, share, *driven, *supplied
+            stepped,
+            self._duty(outputs),
+            state.limiter,
+            state.stepped_s,
+            share,
+            setpoint_m_s,
+            accelerations,
+            state.wheels_differ,
+            history,
+            steady_s,
+            reached_m_s,
+            cycle_s,
+            state.supply_share,
+            (),
+            state.offered,
         )
 
     def _shares(self, steady_s: float) -> tuple[float, float]:
@@ -211,19 +224,18 @@ class Drive:
         """A step of each wheel's controller, and its output at the battery's voltage."""
         creeping_share, integral_share = shares
         scrub_duty = self._scrub_duty(state) if self._parameters.scrub_duty else 0.0
-        steps = [
-            pid.step(
-                *wheel,
-                dt_s,
-                scrub_duty,
-                creeping_share if -CREEPING_M_S < wheel[2] < CREEPING_M_S else integral_share,
+        states: list[PidState] = []
+        outputs: list[float] = []
+        for gains, before, setpoint_m_s, acceleration_m_s2, speed_m_s in wheels:
+            share = creeping_share if -CREEPING_M_S < setpoint_m_s < CREEPING_M_S else integral_share
+            after, output = pid.step(
+                gains, before, setpoint_m_s, acceleration_m_s2, speed_m_s, dt_s, scrub_duty, share
             )
-            for wheel in wheels
-        ]
-        outputs = [step[1] for step in steps]
+            states.append(after)
+            outputs.append(output)
         if state.supply_share != 1.0:
             outputs = [output * state.supply_share for output in outputs]
-        return tuple([step[0] for step in steps]), outputs
+        return tuple(states), outputs
 
     def force(self, state: DriveState, motion: WheelVelocities, now_s: float) -> DriveState:
         """Drive by the motion's duties, without a controller; no duty at all brakes.
@@ -287,6 +299,8 @@ class Drive:
 
     def _duty(self, outputs: Sequence[float]) -> tuple[int, ...]:
         most = self._parameters.max_duty
+        if -most < min(outputs) and max(outputs) < most:
+            return tuple(map(mul, map(round, outputs), self._motor_signs))
         wheels = zip(map(round, outputs), self._motor_signs, strict=True)
         return tuple([(most if d > most else -most if d < -most else d) * sign for d, sign in wheels])
 
@@ -294,6 +308,12 @@ class Drive:
         self, state: DriveState, outputs: Sequence[float], speeds_m_s: Sequence[float], dt_s: float
     ) -> float:
         """Slow the whole twist while any wheel cannot keep up with its part of it."""
+        if state.saturation_scale == 1.0 and dt_s >= 0:
+            for gains, output in zip(self._gains, outputs, strict=True):
+                if not -gains.output_limit < output < gains.output_limit:
+                    break
+            else:  # as it nearly always is
+                return 1.0
         change = SATURATION_RECOVERY_PER_S
         wheels = zip(self._gains, outputs, state.setpoint_m_s, speeds_m_s, strict=True)
         for gains, output, setpoint, speed in wheels:

@@ -9,8 +9,8 @@ it.
 import math
 from collections.abc import Sequence
 from enum import StrEnum
-from itertools import pairwise
-from operator import add, mul
+from itertools import pairwise, repeat
+from operator import add, mul, sub
 
 from pydantic import Field
 
@@ -146,7 +146,9 @@ def decode(
     bits = params.width_bits if not state.narrow_wraps else state.width_bits(params)
     if most >= 1 << (bits - 1):
         return _take_reference(params, signs, state, sample)
-    deltas = _deltas(bits, base, sample)
+    deltas = tuple(map(sub, counts, base.counts))
+    if max(map(abs, deltas)) > most or len(counts) != len(signs):
+        deltas = _deltas(bits, base, sample)  # a counter may have wrapped
     if max(map(abs, deltas)) > most:
         jumped = tuple([i for i, d in enumerate(deltas) if abs(d) > most])
         refused = _refuse(params, state, sample, jumped)
@@ -155,10 +157,11 @@ def decode(
             turned, reading = decode(params, signs, recognised, counts, board_s, rate_counts_s)
             return turned, replace(reading, recognised_narrow=True)
         return refused
-    if _surprises(params, signs, state, deltas, board_s) and not _fits(params, state, sample):
+    steps = tuple(map(mul, signs, deltas))
+    if _surprises(params, state, steps, board_s) and not _fits(params, state, sample):
         waiting = replace(state, suspect=sample, agreeing=0)
         return waiting, replace(_no_travel(params, waiting), unconfirmed=True)
-    turned, reading = _accept(params, signs, state, sample, deltas)
+    turned, reading = _accept(params, state, sample, steps)
     if rate_counts_s is None:
         return turned, reading
     signed = tuple([sign * rate for sign, rate in zip(signs, rate_counts_s, strict=True)])
@@ -178,13 +181,9 @@ def _take_reference(
 
 
 def _accept(
-    params: EncoderParameters,
-    signs: tuple[int, ...],
-    state: EncodersState,
-    sample: Sample,
-    deltas: tuple[int, ...],
+    params: EncoderParameters, state: EncodersState, sample: Sample, steps: tuple[int, ...]
 ) -> tuple[EncodersState, Reading]:
-    steps = tuple(map(mul, signs, deltas))
+    """The state and the reading after counts that are believed; ``steps`` are signed, forward positive."""
     totals = tuple(map(add, state.totals, steps))
     window = _extend(state.window, Sample(sample.board_s, totals), params.velocity_window)
     velocity_rad_s = _velocity(params, window)
@@ -252,11 +251,7 @@ def _most_counts(params: EncoderParameters, elapsed_s: float) -> float:
 
 
 def _surprises(
-    params: EncoderParameters,
-    signs: tuple[int, ...],
-    state: EncodersState,
-    deltas: tuple[int, ...],
-    board_s: float,
+    params: EncoderParameters, state: EncodersState, steps: tuple[int, ...], board_s: float
 ) -> bool:
     """Whether a wheel is farther from its expected position than its acceleration allows.
 
@@ -270,10 +265,7 @@ def _surprises(
     counts_per_radian = params.counts_per_turn / math.tau
     expected = elapsed_s * counts_per_radian
     least = params.tolerance_counts
-    off = [
-        sign * delta - velocity_rad_s * expected
-        for sign, delta, velocity_rad_s in zip(signs, deltas, state.velocity_rad_s, strict=True)
-    ]
+    off = list(map(sub, steps, map(mul, state.velocity_rad_s, repeat(expected))))
     if -least <= min(off) and max(off) <= least:
         return False
     window_s = newest_s - state.window[0].board_s
@@ -306,17 +298,16 @@ def _velocity(params: EncoderParameters, window: tuple[Sample, ...]) -> tuple[fl
     if oldest is newest:
         return (0.0,) * len(newest.counts)
     scale = math.tau / params.counts_per_turn / (newest.board_s - oldest.board_s)
-    return _standing_still(
-        params, [(new - old) * scale for old, new in zip(oldest.counts, newest.counts, strict=True)]
-    )
+    return _standing_still(params, tuple(map(mul, map(sub, newest.counts, oldest.counts), repeat(scale))))
 
 
-def _standing_still(params: EncoderParameters, velocity_rad_s: Sequence[float]) -> tuple[float, ...]:
+def _standing_still(params: EncoderParameters, velocity_rad_s: tuple[float, ...]) -> tuple[float, ...]:
     """The velocities; those too slow to tell from standstill are zero."""
     least = params.standstill_rad_s
+    if min(map(abs, velocity_rad_s)) >= least:
+        return velocity_rad_s
     return tuple([0.0 if -least < v < least else v for v in velocity_rad_s])
 
 
 def _radians(params: EncoderParameters, counts: Sequence[float]) -> tuple[float, ...]:
-    scale = math.tau / params.counts_per_turn
-    return tuple([count * scale for count in counts])
+    return tuple(map(mul, counts, repeat(math.tau / params.counts_per_turn)))

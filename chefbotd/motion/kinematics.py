@@ -105,6 +105,7 @@ class Kinematics:
         self._levers_m = tuple(-half_track_m if w.side is Side.LEFT else half_track_m for w in chassis.wheels)
         self.left = tuple(i for i, wheel in enumerate(chassis.wheels) if wheel.side is Side.LEFT)
         self.right = tuple(i for i, wheel in enumerate(chassis.wheels) if wheel.side is Side.RIGHT)
+        self._is_left_right = (self.left, self.right) == ((0,), (1,))
 
     def rims_at_m_s(self, velocity_rad_s: Sequence[float]) -> tuple[float, ...]:
         """How fast the rims of wheels go that turn so fast."""
@@ -123,8 +124,12 @@ class Kinematics:
         Works on speeds as well: rad/s in, m/s out. Raises ``ValueError`` unless there is one number per
         wheel, and a wheel left on each side.
         """
-        rolled_m = [angle * radius_m for angle, radius_m in zip(travel_rad, self.radii_m, strict=True)]
+        if self._is_left_right and not excluded:
+            left_rad, right_rad = travel_rad
+            left_radius_m, right_radius_m = self.radii_m
+            return left_rad * left_radius_m, right_rad * right_radius_m
         left, right = self.left, self.right
+        rolled_m = [angle * radius_m for angle, radius_m in zip(travel_rad, self.radii_m, strict=True)]
         if excluded:
             left, right = without(left, excluded), without(right, excluded)
         return _mean(rolled_m, left), _mean(rolled_m, right)

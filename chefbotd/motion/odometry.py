@@ -17,8 +17,8 @@ from chefbotd.core.geometry import CERTAIN, ORIGIN, STANDING, Pose2D, PoseCovari
 from chefbotd.core.parameters import Parameters, section
 from chefbotd.core.record import Record
 
-Response: TypeAlias = tuple[float, float, float]
-"""How far x (m), y (m) and the heading (rad) move per unit of an error."""
+Error: TypeAlias = tuple[float, float, float, float]
+"""The variance of an error, and how far x (m), y (m) and the heading (rad) move per unit of it."""
 
 BIAS_WALK_RAD_S_PER_ROOT_S: Final = 2e-5
 """How fast the bias of a gyroscope changes, as a random walk; assumed."""
@@ -128,38 +128,43 @@ def integrate(
     right_m: float,
     twist: Twist2D,
 ) -> OdometryState:
-    """The state after the sides have rolled this far along an arc; ``twist`` is the present motion."""
+    """The state after the sides have rolled this far along an arc; ``twist`` is the present motion.
+
+    Written in one piece, since it runs for every frame: ``tests/plain`` has it in several.
+    """
     if left_m == 0 == right_m:
         return OdometryState(state.odom_from_base, twist, state.covariance)
-    turned_rad = (right_m - left_m) / track_width_m
-    travel_m = (left_m + right_m) / 2
-    ratio = _sinc(turned_rad / 2)
-    pose = state.odom_from_base.compose(_arc(travel_m, turned_rad, ratio))
-    moved_x_m, moved_y_m = pose.x_m - state.odom_from_base.x_m, pose.y_m - state.odom_from_base.y_m
-    errors = zip(
-        _responses(travel_m, turned_rad, ratio, state.odom_from_base.heading_rad, track_width_m),
-        (
-            params.travel_variance_m2_per_m * abs(left_m),
-            params.travel_variance_m2_per_m * abs(right_m),
-            params.turn_variance_rad2_per_rad * abs(turned_rad),
-        ),
-        strict=True,
-    )
-    return OdometryState(pose, twist, _carry(state.covariance, moved_x_m, moved_y_m, errors))
-
-
-def _arc(travel_m: float, turned_rad: float, ratio: float) -> Pose2D:
-    """The pose at an arc's end, in the frame of its start: the chord lies half of the turn off the heading.
-
-    ``ratio`` is that of the chord to the arc.
-    """
+    before = state.odom_from_base
+    x_m, y_m, heading_rad = before.x_m, before.y_m, before.heading_rad
+    turned_rad, travel_m = (right_m - left_m) / track_width_m, (left_m + right_m) / 2
     half_rad = turned_rad / 2
-    chord_m = travel_m * ratio
-    return Pose2D(chord_m * math.cos(half_rad), chord_m * math.sin(half_rad), turned_rad)
+    ratio = math.sin(half_rad) / half_rad if half_rad else 1.0  # of the chord to the arc
+    chord_m = travel_m * ratio  # it lies half of the turn off the heading
+    ahead_m, aside_m = chord_m * math.cos(half_rad), chord_m * math.sin(half_rad)
+    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+    pose = Pose2D(
+        x_m + cos * ahead_m - sin * aside_m,
+        y_m + sin * ahead_m + cos * aside_m,
+        wrap_angle(heading_rad + turned_rad),
+    )
+    # How the end answers to a little more left travel, right travel, and turn by scrubbing.
+    cos, sin = math.cos(heading_rad + half_rad), math.sin(heading_rad + half_rad)
+    bend_m = travel_m * _sinc_slope(half_rad) / 2
+    swing_m = travel_m * ratio / 2
+    forward_x, forward_y = ratio * cos / 2, ratio * sin / 2
+    turn_x, turn_y = bend_m * cos - swing_m * sin, bend_m * sin + swing_m * cos
+    per_m, travel_variance = 1 / track_width_m, params.travel_variance_m2_per_m
+    aside_x, aside_y = turn_x * per_m, turn_y * per_m
+    errors = (
+        (travel_variance * abs(left_m), forward_x - aside_x, forward_y - aside_y, -per_m),
+        (travel_variance * abs(right_m), forward_x + aside_x, forward_y + aside_y, per_m),
+        (params.turn_variance_rad2_per_rad * abs(turned_rad), turn_x, turn_y, 1.0),
+    )
+    return OdometryState(pose, twist, _carry(state.covariance, pose.x_m - x_m, pose.y_m - y_m, errors))
 
 
 def _carry(
-    before: PoseCovariance, moved_x_m: float, moved_y_m: float, errors: Iterable[tuple[Response, float]]
+    before: PoseCovariance, moved_x_m: float, moved_y_m: float, errors: Iterable[Error]
 ) -> PoseCovariance:
     """The covariance at the start as it stands at the end: an error of heading swings the way between.
 
@@ -170,7 +175,7 @@ def _carry(
     swung_xh, swung_yh = xh - moved_y_m * hh, yh + moved_x_m * hh
     xx, xy = xx - moved_y_m * (xh + swung_xh), xy - moved_y_m * yh + moved_x_m * swung_xh
     yy, xh, yh = yy + moved_x_m * (yh + swung_yh), swung_xh, swung_yh
-    for (x, y, heading), variance in errors:
+    for variance, x, y, heading in errors:
         of_x, of_y, of_heading = variance * x, variance * y, variance * heading
         xx += of_x * x
         xy += of_x * y
@@ -179,24 +184,6 @@ def _carry(
         yh += of_y * heading
         hh += of_heading * heading
     return PoseCovariance(xx, xy, xh, yy, yh, hh)
-
-
-def _responses(
-    travel_m: float, turned_rad: float, ratio: float, heading_rad: float, track_width_m: float
-) -> tuple[Response, Response, Response]:
-    """How the end (x, y, heading) answers to a little more left travel, right travel, and turn by scrubbing."""
-    half_rad = turned_rad / 2
-    cos, sin = math.cos(heading_rad + half_rad), math.sin(heading_rad + half_rad)
-    bend_m = travel_m * _sinc_slope(half_rad) / 2
-    swing_m = travel_m * ratio / 2
-    forward_x, forward_y = ratio * cos / 2, ratio * sin / 2
-    turn_x, turn_y = bend_m * cos - swing_m * sin, bend_m * sin + swing_m * cos
-    per_m = 1 / track_width_m
-    return (
-        (forward_x - turn_x * per_m, forward_y - turn_y * per_m, -per_m),
-        (forward_x + turn_x * per_m, forward_y + turn_y * per_m, per_m),
-        (turn_x, turn_y, 1.0),
-    )
 
 
 def _sinc(angle_rad: float) -> float:

@@ -118,7 +118,10 @@ def step(
     error_m_s = setpoint_m_s - measured_m_s
     if -params.deadband <= error_m_s <= params.deadband:
         error_m_s = 0.0
-    forward_duty = feedforward(params, setpoint_m_s, acceleration_m_s2, scrub_duty)
+    friction = (
+        params.ks + scrub_duty if setpoint_m_s > 0 else -params.ks - scrub_duty if setpoint_m_s < 0 else 0.0
+    )
+    forward_duty = friction + params.kv * setpoint_m_s + params.ka * acceleration_m_s2  # as ``feedforward``
     duty = forward_duty + fading_duty + params.kp * error_m_s + derivative_duty
     limit, integral_duty = params.output_limit, state.integral_duty
     demand, growth = duty + integral_duty, params.ki * error_m_s * dt_s * integral_share

@@ -8,6 +8,8 @@ time", Chemical Engineering Progress 53, 1957), with the setpoint as the model: 
 it.
 """
 
+from operator import add, sub
+
 from chefbotd.core.record import Record
 
 
@@ -33,10 +35,11 @@ STEADY_S = 10.0
 def remember(history: History, newest: Asked, over_s: float) -> History:
     """The history with the last setpoint, cut to the last ``over_s``; one that stays the same is one entry."""
     if history and history[-1].setpoint_m_s == newest.setpoint_m_s:
-        if len(history) == 1 and history[0].duration_s >= max(over_s, STEADY_S):
-            return history
-        newest = Asked(history[-1].duration_s + newest.duration_s, newest.setpoint_m_s)
-        history = history[:-1]
+        last = history[-1]
+        whole = Asked(last.duration_s + newest.duration_s, newest.setpoint_m_s)
+        if len(history) == 1:
+            return history if last.duration_s >= max(over_s, STEADY_S) else (whole,)
+        newest, history = whole, history[:-1]
     first, age_s = len(history), newest.duration_s
     while first and age_s < over_s:
         first -= 1
@@ -68,12 +71,13 @@ def caught_up(
     measured_m_s: tuple[float, ...], asked_m_s: tuple[float, ...], setpoint_m_s: tuple[float, ...]
 ) -> tuple[float, ...]:
     """The present speeds of the rims: the measured ones, plus the change of the setpoints since ``asked_m_s``."""
-    wheels = zip(measured_m_s, asked_m_s, setpoint_m_s, strict=True)
-    return tuple([measured + setpoint - asked for measured, asked, setpoint in wheels])
+    return tuple(map(sub, map(add, measured_m_s, setpoint_m_s), asked_m_s))
 
 
 def is_steady(asked_m_s: tuple[float, ...], setpoint_m_s: tuple[float, ...]) -> bool:
     """Whether what was asked for while the wheels were measured is about what is asked for now, of every rim."""
+    if asked_m_s == setpoint_m_s:
+        return True
     for asked, setpoint in zip(asked_m_s, setpoint_m_s, strict=True):
         change, most = setpoint - asked, STEADY_SHARE * setpoint
         if change * change > most * most:

@@ -6,6 +6,8 @@ of a side differ, the difference is ramped beside it, until they turn alike agai
 
 from collections.abc import Sequence
 
+from msgspec import Struct
+
 from chefbotd.core.geometry import STANDING, Motion, Twist2D, WheelVelocities
 from chefbotd.core.record import replace
 from chefbotd.motion import pid, rims
@@ -53,23 +55,50 @@ def _rises(before: Sequence[float], after: Sequence[float]) -> bool:
     return any(new * old < 0 or abs(new) > abs(old) for old, new in zip(before, after, strict=True))
 
 
+class _Settled(Struct, frozen=True):
+    """A twist that was asked for and has been reached, and what follows from it."""
+
+    target: Twist2D
+    apart: bool
+    limiter: LimiterState
+    setpoint_m_s: tuple[float, ...]
+    acceleration_m_s2: tuple[float, ...]
+
+
 class Setpoints:
-    """Steps a ``DriveState``'s limiter and setpoints; holds constants only."""
+    """Steps a ``DriveState``'s limiter and setpoints. What follows from a twist that stays is computed once."""
 
     def __init__(self, parameters: DriveParameters, limits: MotionLimits, kinematics: Kinematics) -> None:
         self._parameters, self._limits, self._kinematics = parameters, limits, kinematics
         self._limits_apart = limits.model_copy(update={"keep_curvature": False})
         self._limits_in_step = limits.model_copy(update={"keep_curvature": True})
         self._still = (0.0,) * len(kinematics.radii_m)
+        self._settled: _Settled | None = None
 
     def step(self, state: DriveState, target: Motion, now_s: float, apart: bool) -> DriveState:
         """The state with the present setpoints; ``apart``: the path has no curvature to keep."""
+        settled = self._settled
+        if (
+            settled is not None
+            and state.limiter is settled.limiter
+            and target == settled.target
+            and apart is settled.apart
+            and state.saturation_scale == 1.0
+            and not state.wheels_differ
+        ):
+            setpoint, acceleration = settled.setpoint_m_s, settled.acceleration_m_s2
+            return replace(state, stepped_s=now_s, setpoint_m_s=setpoint, acceleration_m_s2=acceleration)
+        return self._approach(state, target, now_s, apart)
+
+    def _approach(self, state: DriveState, target: Motion, now_s: float, apart: bool) -> DriveState:
+        """The state on the way to a motion."""
         elapsed_s = 0.0 if state.stepped_s is None else max(0.0, now_s - state.stepped_s)
         dt_s = min(elapsed_s, MAX_STEP_S)
         if is_rest(target):
             state = replace(state, pids=tuple([pid.let_go(wheel) for wheel in state.pids]))
         if state.wheels_differ or isinstance(target, WheelVelocities):
             return self._step_wheels(state, target, now_s, dt_s, apart)
+        asked = target
         target = self._kinematics.saturate(target, self._parameters.max_rim_speed_m_s)
         if state.saturation_scale < 1.0:
             target = Twist2D(
@@ -79,6 +108,8 @@ class Setpoints:
         limiter = limit(limits, state.limiter, target, dt_s)
         setpoint = self._kinematics.rim_speeds_m_s(limiter.twist)
         acceleration = self._kinematics.rim_speeds_m_s(limiter.acceleration)
+        if limiter is state.limiter and dt_s > 0 and state.saturation_scale == 1.0 and not is_rest(asked):
+            self._settled = _Settled(asked, apart, limiter, setpoint, acceleration)
         return replace(
             state, limiter=limiter, stepped_s=now_s, setpoint_m_s=setpoint, acceleration_m_s2=acceleration
         )

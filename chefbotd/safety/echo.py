@@ -95,7 +95,7 @@ def _was_said(state: EchoState, shown: tuple[float, ...], since_s: float) -> boo
     for said_s, duty in state.said:
         if said_s < since_s:
             return False
-        if all(now in (0.0, asked) for now, asked in zip(shown, duty, strict=True)):
+        if duty == shown or all(now in (0.0, asked) for now, asked in zip(shown, duty, strict=True)):
             return True
     return False
 

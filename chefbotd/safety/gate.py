@@ -302,6 +302,11 @@ def decide(parameters: SafetyParameters, state: GateState, now_s: float) -> Deci
     """
     if state.mode is not Mode.ARMED:
         return HALT
+    if len(state.commands) == 1:
+        (command,) = state.commands
+        age_s = now_s - command.stamp_s
+        if age_s <= parameters.command_timeout_s and age_s <= parameters.sources[command.source].timeout_s:
+            return Decision(command.motion, command.source, halted=False)
     winner: Command | None = None
     rank = (False, -1, 0.0)
     for command in state.commands:

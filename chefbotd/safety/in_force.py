@@ -100,13 +100,15 @@ class InForce(MutableState):
         Of several equal commands it is taken for the oldest that can still be in force. Where it is none of these, it
         is the newest of the earlier ones: the board did not get what followed.
         """
-        self.shown_s, self.shown_at_s = None, shown_at_s
+        shown_s: float | None = None
+        settled_s = self.settled_s
         for command in self.commands:
-            if self.shown_s is not None and command.since_s < self.settled_s:
+            if shown_s is not None and command.since_s < settled_s:
                 break
             if command.duty == shown:
-                self.shown_s = command.since_s
-        if self.shown_s is not None and self.shown_s > self.taken_s + WIRE_S:
+                shown_s = command.since_s
+        self.shown_s, self.shown_at_s = shown_s, shown_at_s
+        if shown_s is not None and shown_s > self.taken_s + WIRE_S:
             self.acts_at_once = True
 
     def note_line(self, taken_s: float, arrived_s: float, *, has_clock: bool) -> None:

@@ -6,20 +6,27 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from msgspec.structs import astuple
+from msgspec.structs import astuple, replace
 
-from chefbotd.core.geometry import Twist2D
+from chefbotd.core.geometry import Pose2D, PoseCovariance, Twist2D
 from chefbotd.link.board_clock import ClockRelation
-from chefbotd.motion import encoder, pid, reference
+from chefbotd.motion import encoder, odometry, pid, reference
+from chefbotd.motion.drive import Drive
+from chefbotd.motion.drive_state import DriveParameters
 from chefbotd.motion.encoder import EncoderParameters, Reading
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
+from chefbotd.motion.odometry import OdometryParameters, OdometryState
 from chefbotd.motion.pid import PidParameters, PidState
 from chefbotd.motion.reference import Asked
+from chefbotd.motion.setpoints import Setpoints
 from chefbotd.safety import overspeed, wheels
 from chefbotd.safety.overspeed import Excess, OverspeedParameters
 from chefbotd.safety.wheels import PushedWheel, WheelWatchParameters
 from tests.budget import examples
+from tests.chefbotd.driving.rig import CHASSIS, LIMITS
+from tests.chefbotd.driving.rig import GAINS as RIG_GAINS
 from tests.plain import encoder as plain_encoder
+from tests.plain import odometry as plain_odometry
 from tests.plain import pid as plain_pid
 from tests.plain import wheels as plain_wheels
 
@@ -194,3 +201,46 @@ def test_the_fastest_rim(linear_m_s: float, angular_rad_s: float, most_m_s: floa
     share = min(1.0, most_m_s / fastest) if fastest else 1.0
     assert math.isclose(twist.linear_m_s, linear_m_s * share, rel_tol=1e-9, abs_tol=1e-12)
     assert math.isclose(twist.angular_rad_s, angular_rad_s * share, rel_tol=1e-9, abs_tol=1e-12)
+
+
+travels = st.floats(-0.2, 0.2) | st.sampled_from([0.0, 1e-9, -1e-5])
+
+
+@given(
+    st.lists(st.tuples(travels, travels), min_size=1, max_size=10),
+    st.floats(-10, 10),
+    st.floats(-math.pi, math.pi),
+    st.floats(0.1, 1.0),
+)
+@settings(max_examples=examples(300))
+def test_dead_reckoning(
+    travel: list[tuple[float, float]], x_m: float, heading_rad: float, track_width_m: float
+) -> None:
+    """Any arcs, straight and on the spot, one after the other: the same bits of pose and covariance."""
+    params, twist = OdometryParameters(), Twist2D(0.1, -0.2)
+    covariance = PoseCovariance(1e-3, 1e-5, -1e-5, 2e-3, 1e-5, 1e-4)
+    state = plain = OdometryState(Pose2D(x_m, -x_m / 3, heading_rad), twist, covariance)
+    for left_m, right_m in travel:
+        state = odometry.integrate(params, track_width_m, state, left_m, right_m, twist)
+        plain = plain_odometry.integrate(params, track_width_m, plain, left_m, right_m, twist)
+        assert state == plain
+
+
+DRIVE = Drive(DriveParameters(max_rim_speed_m_s=0.5), CHASSIS, LIMITS, (RIG_GAINS, RIG_GAINS))
+TWISTS = st.builds(Twist2D, st.sampled_from([0.0, 0.1, -0.2, 5.0]), st.sampled_from([0.0, 0.3, -2.0]))
+
+
+@given(st.lists(st.tuples(TWISTS, st.integers(1, 40), st.booleans()), min_size=1, max_size=6), st.booleans())
+@settings(max_examples=examples(100))
+def test_setpoints_that_stay(asked: list[tuple[Twist2D, int, bool]], saturates: bool) -> None:
+    """A twist that is asked for again and again, is reached, and changes: as if nothing had been remembered."""
+    params, kinematics = DriveParameters(max_rim_speed_m_s=0.5), Kinematics(CHASSIS)
+    one = Setpoints(params, LIMITS, kinematics)
+    state = replace(DRIVE.at_rest, saturation_scale=0.8 if saturates else 1.0)
+    now_s = 0.0
+    for twist, steps, apart in asked:
+        for _ in range(steps):
+            now_s += 0.05
+            plain = Setpoints(params, LIMITS, kinematics).step(state, twist, now_s, apart)
+            state = one.step(state, twist, now_s, apart)
+            assert state == plain

@@ -94,6 +94,7 @@ NO_STATE = {
     "RplidarDecoder._at": "what was read of its data is not kept",
     "RplidarDecoder._data": "as before",
     "SafetySupervisor._reading_error": "is raised in the next step",
+    "Setpoints._settled": "computed again",
     "Session._active_s": "ends a client's connection",
     "Session._arrived_s": "ends a client's connection",
     "Session.arrival": "admits requests, and those in a recording were admitted",
