@@ -1,6 +1,7 @@
 """Decodes received bytes into lines and messages, without I/O and with a bounded buffer."""
 
 from collections import Counter, defaultdict
+from operator import call
 from typing import Any, NamedTuple, TypeAlias
 
 from firmware_protocol.line_codec import LineCodec, Regained
@@ -104,7 +105,7 @@ class Decoder:
                 return self._learn_shape(skeleton, lines)
             if max(map(len, lines)) <= self._max_line:
                 try:
-                    messages = [reader(line) for reader, line in zip(shape.readers, lines, strict=True)]
+                    messages = list(map(call, shape.readers, lines))
                 except ValueError:
                     return self._decode(lines)
                 shape.count += 1

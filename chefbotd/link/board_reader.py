@@ -207,19 +207,20 @@ class BoardReader(StatefulPart[BoardReaderState]):
 
     def _on_encoders(self, message: wire.EncoderCounts, now_s: float) -> EncodersCounted | None:
         """Counts are stamped with their cycle's own time; in doubt about it they wait for the next cycle."""
+        counts, restarts, clock = message.counts, self._restarts, self.board_clock
         self._window.cycle(now_s)
-        if self.board_clock.in_doubt:
+        if clock.in_doubt:
             return None
-        stamp_s, board_s = self._printed_s(now_s)
-        cause = self._restarts.counted(now_s, message.counts, has_clock=self.board_clock.latest_s is not None)
+        clock_s = clock.latest_s
+        stamp_s, board_s = self._printed_s(now_s, clock_s)
+        cause = restarts.counted(now_s, counts, has_clock=clock_s is not None)
         if cause is not None:
             self._restarted(now_s, cause)
-        self._restarts.turned(message.counts, now_s)
-        return EncodersCounted(stamp_s, now_s, board_s, message.counts)
+        restarts.turned(counts, now_s)
+        return EncodersCounted(stamp_s, now_s, board_s, counts)
 
-    def _printed_s(self, now_s: float) -> tuple[float, float]:
+    def _printed_s(self, now_s: float, clock_s: float | None) -> tuple[float, float]:
         """By the host and by the board: the cycle's own time; the read's where that was lost; else by even cycles."""
-        clock_s = self.board_clock.latest_s
         if clock_s is None:
             printed_s = self.memory.cycle_clock.observe(now_s)
             return min(printed_s, now_s), printed_s

@@ -111,12 +111,13 @@ class BoardWriter(StatefulPart[WriterState]):
 
     def has_drained(self) -> bool:
         """Whether the port is open and has sent everything."""
-        drained = self._port is not None and not self._port.get_write_buffer_size()
-        self.memory.queries += 1
-        if drained is not self.memory.had_drained:
-            self.memory.had_drained = drained
+        port, memory = self._port, self.memory
+        drained = port is not None and not port.get_write_buffer_size()
+        memory.queries += 1
+        if drained is not memory.had_drained:
+            memory.had_drained = drained
             if self._clock.recording:
-                self._clock.publish(DrainAnswered(self._clock.now_s(), self.memory.queries, drained))
+                self._clock.publish(DrainAnswered(self._clock.now_s(), memory.queries, drained))
         return drained
 
     def unread_bytes(self) -> int:

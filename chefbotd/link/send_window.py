@@ -102,27 +102,30 @@ class SendWindow(StatefulPart[WindowState]):
 
     def admit(self, duty: Duty, now_s: float) -> bool:
         """Whether ``duty`` may be written now."""
+        memory, newest = self.memory, self.memory.newest
         if not any(duty):
             crowded = 4 * (self.unread_bytes + self._size_of(duty)) > self._room_bytes
-            return duty != self.memory.newest or not crowded or now_s - self.memory.written_s >= STOP_AGAIN_S
-        if self.is_checked and duty == self.memory.newest and now_s - self.memory.written_s >= FEED_S:
+            return duty != newest or not crowded or now_s - memory.written_s >= STOP_AGAIN_S
+        if self.is_checked and duty == newest and now_s - memory.written_s >= FEED_S:
             return True
         if self.echo_is_stuck(now_s):
-            if not slows(duty, self.memory.newest):
+            if not slows(duty, newest):
                 return False
-            if duty == self.memory.newest:
-                return now_s - self.memory.written_s >= LINE_LOST_S
+            if duty == newest:
+                return now_s - memory.written_s >= LINE_LOST_S
+        if not self.unread_bytes:
+            return True
         size = self._size_of(duty) + self._seal_bytes
-        changes = 2 if duty == self.memory.newest else 0 if slows(duty, self.memory.newest) else 1
-        needed = self.unread_bytes + size + changes * size + self._stop_room
-        return needed <= self._room_bytes or not self.unread_bytes
+        changes = 2 if duty == newest else 0 if slows(duty, newest) else 1
+        return self.unread_bytes + size + changes * size + self._stop_room <= self._room_bytes
 
     def echo_is_stuck(self, now_s: float) -> bool:
         """Whether the board goes on and its echo, which has followed before, does not show what was written."""
-        if not (self.memory.echo_follows and self.memory.unconfirmed):
+        memory = self.memory
+        if not (memory.unconfirmed and memory.echo_follows):
             return False
-        _, cycles, written_s = self.memory.unconfirmed[0]
-        return self.memory.cycles - cycles >= STUCK_CYCLES and now_s - written_s >= STUCK_S
+        _, cycles, written_s = memory.unconfirmed[0]
+        return memory.cycles - cycles >= STUCK_CYCLES and now_s - written_s >= STUCK_S
 
     def complaint(self, now_s: float) -> str:
         """What is wrong with the echo, for people; nothing while it follows."""
@@ -135,15 +138,15 @@ class SendWindow(StatefulPart[WindowState]):
 
     def note(self, duty: Duty, now_s: float, times: int = 1) -> None:
         """``duty`` was written so many times; what is kept is bounded by the buffer."""
-        size = times * (self._size_of(duty) + self._seal_bytes)
-        if self.unread_bytes + size > self._room_bytes and self.memory.unread:
-            self.memory.unread[-1].written_s = now_s  # a stop that may not fit: the buffer holds no more
+        memory, size = self.memory, times * (self._size_of(duty) + self._seal_bytes)
+        if self.unread_bytes + size > self._room_bytes and memory.unread:
+            memory.unread[-1].written_s = now_s  # a stop that may not fit: the buffer holds no more
         else:
-            self.memory.unread.append(_Line(duty, size, now_s))
+            memory.unread.append(_Line(duty, size, now_s))
             self.unread_bytes += size
-        if duty != self.memory.newest and len(self.memory.unconfirmed) < MOST_UNCONFIRMED:
-            self.memory.unconfirmed.append((duty, self.memory.cycles, now_s))
-        self.memory.newest, self.memory.written_s = duty, now_s
+        if duty != memory.newest and len(memory.unconfirmed) < MOST_UNCONFIRMED:
+            memory.unconfirmed.append((duty, memory.cycles, now_s))
+        memory.newest, memory.written_s = duty, now_s
 
     def note_other(self, size: int, now_s: float) -> None:
         """A line that is no motor command was written, for which there was room."""
@@ -161,22 +164,26 @@ class SendWindow(StatefulPart[WindowState]):
 
     def cycle(self, now_s: float) -> None:
         """A line came that the board prints once in every cycle: what was written before the last one has been read."""
-        if now_s == self.memory.cycle_s:  # in the same read, nobody knows when it was printed
+        memory = self.memory
+        before_s, unread = memory.cycle_s, memory.unread
+        if now_s == before_s:  # in the same read, nobody knows when it was printed
             return
-        while self.memory.unread and self.memory.unread[0].written_s <= self.memory.cycle_s:
-            self.unread_bytes -= self.memory.unread.pop(0).size
-        self.memory.cycles, self.memory.cycle_s = self.memory.cycles + 1, now_s
+        while unread and unread[0].written_s <= before_s:
+            self.unread_bytes -= unread.pop(0).size
+        memory.cycles += 1
+        memory.cycle_s = now_s
 
     def echoed(self, duty: tuple[float, ...]) -> None:
         """The board says which command is in force: if that is another one than before, it has read up to that."""
-        moved, self.memory.echo = duty != self.memory.echo, duty
-        if duty == self.memory.newest:
+        memory = self.memory
+        moved, memory.echo = duty != memory.echo, duty
+        if duty == memory.newest:
             confirmed = True
-            self.memory.unconfirmed.clear()
+            memory.unconfirmed.clear()
         else:
             confirmed = self._confirm(duty, moved)
-        if confirmed and any(duty):
-            self.memory.echo_follows = True
+        if confirmed and not memory.echo_follows and any(duty):
+            memory.echo_follows = True
         if moved:
             self._drop_through(duty)
 

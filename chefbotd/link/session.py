@@ -11,8 +11,6 @@ from chefbotd.clock import Clock
 from chefbotd.core.events import (
     Direction,
     DutyWritten,
-    EdgesSeen,
-    EncodersCounted,
     LineSeen,
     LinkClosed,
     LinkHealthChanged,
@@ -44,8 +42,8 @@ LINES_CACHED = 64
 """A command is asked for its length twice before it is written, and a robot at speed repeats a few commands."""
 
 
-MOTORS_FIRST = frozenset({EncodersCounted, EdgesSeen})
-"""What is answered by a motor command; what else is in the same read is handled after that."""
+MOTORS_FIRST = frozenset({wire.EncoderCounts, wire.BoardTime})
+"""What makes an event that is answered by a motor command; what else is in the same read is handled after that."""
 
 
 class BoardSessionState(MutableState):
@@ -187,16 +185,18 @@ class BoardSession(asyncio.Protocol, StatefulPart[BoardSessionState]):
         self.monitor.count_bytes(data)
         lines, messages = self._decoder.read(data)
         self.lines.heard.append((now_s, lines[-LINES_LOGGED:]))
-        bus, events, listened = self._bus, self._events, self._bus.has_listeners(LineSeen)
+        bus, events, publish = self._bus, self._events, self._bus.publish
+        seen = iter(lines) if bus.has_listeners(LineSeen) else None
         bus.hold()  # what the lines of one read say belongs together
         try:
-            for line, message in zip(lines, messages, strict=True):
-                if listened:
-                    bus.publish(LineSeen(now_s, Direction.FROM_BOARD, line))
-                event = events[type(message)](message, now_s)
+            for message in messages:
+                if seen is not None:
+                    publish(LineSeen(now_s, Direction.FROM_BOARD, next(seen)))
+                kind = type(message)
+                event = events[kind](message, now_s)
                 if event is not None:
-                    bus.publish(event)
-                    if type(event) in MOTORS_FIRST:
+                    publish(event)
+                    if kind in MOTORS_FIRST:
                         bus.deliver()
                         bus.hold()
             if self.firmware.codec.is_checked is not self.firmware.memory.is_checked:
