@@ -113,7 +113,10 @@ def _expire(waiter: "asyncio.Future[None]") -> None:
         waiter.set_result(None)
 
 
-Route: TypeAlias = tuple[tuple[Inbox[Any], ...], tuple[tuple[Handler, OnError], ...]]
+Takers: TypeAlias = tuple[tuple[Handler, OnError], ...]
+"""The handlers of a class of events, each with what it raises."""
+
+Route: TypeAlias = tuple[tuple[Inbox[Any], ...], Takers]
 """Who takes a class of events: the inboxes, and the handlers with what they raise."""
 
 NOBODY: Route = ((), ())
@@ -130,7 +133,7 @@ class Bus:
         self._of_all: tuple[Inbox[Any], ...] = ()
         self._handlers: dict[type[Any], tuple[tuple[Handler, OnError], ...]] = {}
         self._routes: dict[type[Any], Route] = {}
-        self._undelivered: list[object] = []
+        self._undelivered: list[tuple[object, Takers]] = []
         self._is_held = False
         self.handler_errors: Counter[str] = Counter()
 
@@ -152,7 +155,7 @@ class Bus:
         inbox = Inbox(self, topics, size, kept)
         for topic in topics:
             self._inboxes[topic] = (*self._inboxes_of(topic), inbox)
-        self._routes.clear()
+        self._forget_routes()
         return inbox
 
     def subscribe_all(self, size: int, excluded: frozenset[str] = frozenset()) -> Inbox[Any]:
@@ -163,14 +166,14 @@ class Bus:
             topic: inboxes if topic.__name__ in excluded else (*inboxes, inbox)
             for topic, inboxes in self._inboxes.items()
         }
-        self._routes.clear()
+        self._forget_routes()
         return inbox
 
     def unsubscribe(self, inbox: Inbox[Any]) -> None:
         """Take an inbox off the bus; doing it twice is harmless."""
         self._of_all = _without(inbox, self._of_all)
         self._inboxes = {topic: _without(inbox, inboxes) for topic, inboxes in self._inboxes.items()}
-        self._routes.clear()
+        self._forget_routes()
 
     def add_handler(
         self, handler: Callable[[E], None], *topics: type[E], on_error: OnError | None = None
@@ -188,12 +191,12 @@ class Bus:
         entry = (handler, on_error or _log_error)
         for topic in topics:
             self._handlers[topic] = (*self._handlers.get(topic, ()), entry)
-        self._routes.clear()
+        self._forget_routes()
 
         def remove() -> None:
             for topic in topics:
                 self._handlers[topic] = _without(entry, self._handlers[topic])
-            self._routes.clear()
+            self._forget_routes()
 
         return remove
 
@@ -207,7 +210,7 @@ class Bus:
         for inbox in inboxes:
             inbox.put(event)
         if handlers:
-            self._undelivered.append(event)
+            self._undelivered.append((event, handlers))
             if not self._is_held:
                 self.deliver()
 
@@ -217,13 +220,9 @@ class Bus:
 
     def deliver(self) -> None:
         """Call the handlers of all that was published meanwhile, and of what they publish, in that order."""
-        self._is_held, routes = True, self._routes
+        self._is_held = True
         try:
-            for event in self._undelivered:  # it grows meanwhile
-                try:
-                    handlers = routes[type(event)][1]
-                except KeyError:  # somebody came or went meanwhile
-                    handlers = self._find_route(type(event))[1]
+            for event, handlers in self._undelivered:  # it grows meanwhile
                 for handler, on_error in handlers:
                     try:
                         handler(event)
@@ -243,14 +242,20 @@ class Bus:
     def has_listeners(self, topic: type[Any]) -> bool:
         """Whether anyone listens: lets a publisher skip making an event that nobody takes."""
         try:
-            return self._routes[topic] != NOBODY
+            return self._routes[topic] is not NOBODY
         except KeyError:
-            return self._find_route(topic) != NOBODY
+            return self._find_route(topic) is not NOBODY
 
     def _find_route(self, topic: type[Any]) -> Route:
         """Note who takes a class, until somebody comes or goes: events are published far more often."""
-        route = self._routes[topic] = self._inboxes_of(topic), self._handlers.get(topic, ())
+        route = self._inboxes_of(topic), self._handlers.get(topic, ())
+        route = self._routes[topic] = route if any(route) else NOBODY
         return route
+
+    def _forget_routes(self) -> None:
+        """Somebody came or went: what waits goes to those who are there now, too."""
+        self._routes.clear()
+        self._undelivered[:] = [(event, self._find_route(type(event))[1]) for event, _ in self._undelivered]
 
     def _inboxes_of(self, topic: type[Any]) -> tuple[Inbox[Any], ...]:
         inboxes = self._inboxes.get(topic)

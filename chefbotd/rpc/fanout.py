@@ -13,6 +13,7 @@ from typing import Any
 import structlog
 from msgspec import Raw, Struct
 
+from chefbotd.bus import Bus, OnError
 from chefbotd.clock import Clock
 from chefbotd.rpc.encoding import EventPayload, encode
 from chefbotd.rpc.method import Receiver
@@ -25,8 +26,8 @@ log = structlog.get_logger(__name__)
 class Feed:
     """A topic's latest state, and its JSON once someone has asked for it."""
 
-    def __init__(self, topic: Topic) -> None:
-        self.topic = topic
+    def __init__(self, topic: Topic, clock: Clock) -> None:
+        self.topic, self._join, self._clock = topic, topic.join, clock
         self.state: Any = None
         self.seq = 0
         self.stamp_s = 0.0
@@ -34,16 +35,21 @@ class Feed:
         self._json: bytes | None = None
         self._faulty = False
 
-    def take_event(self, event: Any) -> bool:
-        """Remember an event; nothing is converted. Whether there is a new state."""
-        join, before = self.topic.join, self.state
-        self.state = event if join is None else join(before, event)
-        if join is not None and self.state is before:
-            return False
+    def take_event(self, event: Any) -> None:
+        """Remember an event, which is not converted, and send it to every client for which it is due."""
+        if self._join is None:
+            self.state = event
+        else:
+            before, self.state = self.state, self._join(self.state, event)
+            if self.state is before:
+                return
         self.seq += 1
         self.stamp_s = event.stamp_s
         self._json = None
-        return True
+        if self.groups:
+            now_s = self._clock.now_s()
+            for group in self.groups.values():
+                group.offer(now_s)
 
     def json(self) -> bytes | None:
         """The state as JSON, encoded once; None when there is none or (logged once) it cannot be sent."""
@@ -58,7 +64,7 @@ class Feed:
 
     def payload(self, now_s: float) -> EventPayload | None:
         """The state as an event's payload."""
-        json, age_s = self.json(), now_s - self.stamp_s
+        json, age_s = self._json or self.json(), now_s - self.stamp_s
         if json is None:
             return None
         return EventPayload(self.topic.name, self.seq, self.stamp_s, age_s if age_s > 0 else 0.0, json)
@@ -158,7 +164,7 @@ class Fanout:
         self, topics: Mapping[str, Topic], clock: Clock, on_demand: Callable[[Topic, bool], None]
     ) -> None:
         self._clock, self._on_demand = clock, on_demand
-        self._feeds = {name: Feed(topic) for name, topic in topics.items()}
+        self._feeds = {name: Feed(topic, clock) for name, topic in topics.items()}
         self._by_event: dict[type[object], tuple[Feed, ...]] = {}
         for feed in self._feeds.values():
             for event in feed.topic.events:
@@ -178,10 +184,11 @@ class Fanout:
     def publish(self, event: object) -> None:
         """Send an event to every client for which it is due."""
         for feed in self._by_event[type(event)]:
-            if feed.take_event(event) and feed.groups:
-                now_s = self._clock.now_s()
-                for group in feed.groups.values():
-                    group.offer(now_s)
+            feed.take_event(event)
+
+    def listen_to(self, topic: Topic, bus: Bus, on_error: OnError) -> Callable[[], None]:
+        """Send this topic's events of the bus as ``publish`` does; returns what ends that."""
+        return bus.add_handler(self._feeds[topic.name].take_event, *topic.events, on_error=on_error)
 
     def add_receiver(self, receiver: Receiver, names: Iterable[str], policy: str, interval_s: float) -> None:
         """Put a receiver into these topics' groups, out of any other; an unknown topic raises ``KeyError``."""

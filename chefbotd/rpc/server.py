@@ -100,8 +100,8 @@ class RpcServer:
 
     async def run(self) -> None:
         """Serve the clients of every transport until cancelled; then close all connections."""
-        always = {e: None for t in self._fanout.topics.values() if not t.on_demand for e in t.events}
-        stop_telemetry = self._bus.add_handler(self._fanout.publish, *always, on_error=self._failure.report)
+        always = [topic for topic in self._fanout.topics.values() if not topic.on_demand]
+        ends = [self._fanout.listen_to(topic, self._bus, self._failure.report) for topic in always]
         try:
             async with asyncio.TaskGroup() as tasks:
                 tasks.create_task(self._tick())
@@ -109,7 +109,8 @@ class RpcServer:
                 tasks.create_task(self._prepare_description())
                 await self._failure.wait()
         finally:
-            stop_telemetry()
+            for end in ends:
+                end()
             self.connections.close()
             await asyncio.sleep(0)  # answers that are not sent by now are lost
             self.connections.abort()
@@ -177,9 +178,7 @@ class RpcServer:
     def _tap(self, topic: Topic, has_subscribers: bool) -> None:
         """Take a topic's events off the bus only while someone wants them; its publisher can tell."""
         if has_subscribers:
-            self._taps[topic.name] = self._bus.add_handler(
-                self._fanout.publish, *topic.events, on_error=self._failure.report
-            )
+            self._taps[topic.name] = self._fanout.listen_to(topic, self._bus, self._failure.report)
         else:
             self._taps.pop(topic.name)()
         if topic.demanded is not None:

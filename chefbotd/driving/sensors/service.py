@@ -50,23 +50,23 @@ class SensorService(StatefulPart[SensorState]):
         self._bus = bus
         self._infrared = {sensor.channel: sensor for sensor in infrared_parameters}
         self.memory = SensorState(self._unread_infrared())
-        self._interpret: dict[type[Any], Callable[[Any], object | None]] = {}
+        interpreters: dict[type[Any], Callable[[Any], object | None]] = {}
         if battery_parameters is not None:
-            self._interpret[BatteryCounted] = partial(self._charge, battery_parameters)
+            interpreters[BatteryCounted] = partial(self._charge, battery_parameters)
         if ultrasonic_parameters is not None:
-            self._interpret[UltrasonicEchoed] = partial(ultrasonic.interpret, ultrasonic_parameters)
+            interpreters[UltrasonicEchoed] = partial(ultrasonic.interpret, ultrasonic_parameters)
         interruptions = (BoardRestarted, LinkClosed) if infrared_parameters else ()
         if infrared_parameters:
-            self._interpret |= {
+            interpreters |= {
                 AnalogueCounted: self._infrared_range,
                 **dict.fromkeys(interruptions, self._forget),
             }
         if imu_parameters is not None:
-            self._interpret[OrientationReported] = partial(imu.from_quaternion, imu_parameters)
-            self._interpret[InertialCounted] = partial(imu.from_counts, imu_parameters)
+            interpreters[OrientationReported] = partial(imu.from_quaternion, imu_parameters)
+            interpreters[InertialCounted] = partial(imu.from_counts, imu_parameters)
         self._failure = HandlerFailure()
-        if self._interpret:
-            bus.add_handler(self._on_reading, *self._interpret, on_error=self._failure.report)
+        for kind, interpret in interpreters.items():
+            bus.add_handler(partial(self._publish_reading, interpret), kind, on_error=self._failure.report)
 
     def restore(self, state: SensorState) -> None:
         """Restore this state, as far as it is of sensors that are configured now."""
@@ -83,8 +83,8 @@ class SensorService(StatefulPart[SensorState]):
         """Raise the error of a reading that could not be interpreted; readings are interpreted as they are published."""
         await self._failure.wait()
 
-    def _on_reading(self, event: Any) -> None:
-        measured = self._interpret[type(event)](event)
+    def _publish_reading(self, interpret: Callable[[Any], object | None], event: Any) -> None:
+        measured = interpret(event)
         if measured is not None:
             self._bus.publish(measured)
 
