@@ -66,10 +66,12 @@ class RobotScreen(App[None]):
             with contextlib.suppress(CallTimeout):
                 return await self.robot.wait_until_connected()
 
-    async def ask(self, request: Coroutine[Any, Any, object], done: str) -> None:
-        """Send a request and show that it is done, or why it was refused."""
+    async def ask(self, request: Coroutine[Any, Any, object], done: str) -> bool:
+        """Send a request and show that it is done, or why it was refused; returns whether it is done."""
+        is_done = False
         try:
             await request
+            is_done = True
         except CallError as error:
             done = f"{error.kind}: {error.message}"
         except ConnectionLost as loss:
@@ -79,6 +81,7 @@ class RobotScreen(App[None]):
         except ChefbotError as failure:
             self._fail(failure)
         self.say(done)
+        return is_done
 
     def say(self, text: str) -> None:
         """Show a text on the message line."""

@@ -164,9 +164,12 @@ class Tune(RobotScreen):
 
     async def _follow_gains(self) -> None:
         while True:
-            self._take_gains(await self.robot.get_pid())
-            self._saved = self._saved or self._gains
+            await self._read_gains()
             await asyncio.sleep(GAINS_PERIOD_S)
+
+    async def _read_gains(self) -> None:
+        self._take_gains(await self.robot.get_pid())
+        self._saved = self._saved or self._gains
 
     def _take_gains(self, wheels: dict[str, PidParameters]) -> None:
         self._gains = wheels
@@ -174,6 +177,8 @@ class Tune(RobotScreen):
     async def _save(self) -> None:
         if self._config is None:
             self.say("No file to save to: start with --config FILE, or 'chefbotctl pid save FILE' later.")
+            return
+        if not await self.ask(self._read_gains(), ""):  # another client may have changed them
             return
         gains = self._gains
         try:

@@ -21,7 +21,7 @@ from chefbotd.components.tuning.cli.plots import WheelPlot
 from chefbotd.components.tuning.cli.tuning_screen import Tune, tune
 from chefbotd.settings import load
 from tests.budget import sample
-from tests.chefbotd.cli.fake_daemon import WHEELS, FakeDaemon
+from tests.chefbotd.cli.fake_daemon import PID, WHEELS, FakeDaemon
 from tests.chefbotd.conftest import Control
 from tests.robot_files import full
 from tests.waiting import PATIENCE_S
@@ -29,14 +29,17 @@ from tests.waiting import PATIENCE_S
 Script = Callable[[Tune, Pilot[None]], Awaitable[None]]
 
 
-def on_screen(daemon: FakeDaemon, script: Script, config: Path | None = None) -> Tune:
-    """Run the screen at 80x24 on the real clock (Textual has its own) while ``script`` plays the user."""
+def on_screen(daemon: FakeDaemon, script: Script, config: Path | None = None, *, waits: bool = True) -> Tune:
+    """Run the screen at 80x24 on the real clock (Textual has its own) while ``script`` plays the user.
+
+    The user ``waits`` until the gains are there.
+    """
 
     async def main() -> Tune:
         async with Client.connect("127.0.0.1", daemon.port) as robot:
             screen = Tune(robot, "robot:7333", config, Wave(0.1, 1.5))
             async with screen.run_test(size=(80, 24)) as user:
-                await until(user, lambda: "i limit" in side(screen))
+                await until(user, lambda: not waits or "i limit" in side(screen))
                 await script(screen, user)
             return screen
 
@@ -116,6 +119,34 @@ def test_save(daemon: FakeDaemon, tmp_path: Path) -> None:
 
     assert not on_screen(daemon, script, config).unsaved
     assert load(config).pid.kp == 440.0
+
+
+def test_what_is_saved_is_what_the_robot_has(daemon: FakeDaemon, tmp_path: Path) -> None:
+    """Another client has changed the gains since they were shown."""
+    config = tmp_path / "robot.toml"
+    config.write_bytes(full().read_bytes())
+
+    async def script(screen: Tune, user: Pilot[None]) -> None:
+        daemon.gains.append({wheel: {**PID, "kp": 432.1} for wheel in WHEELS})
+        await user.press("s")
+        await until(user, lambda: message(screen).startswith("Saved to"))
+
+    assert not on_screen(daemon, script, config).unsaved
+    assert load(config).pid.kp == 432.1
+
+
+def test_save_before_the_gains_are_there(daemon: FakeDaemon, tmp_path: Path) -> None:
+    """It waits for them; none at all were saved, which was refused."""
+    config = tmp_path / "robot.toml"
+    config.write_bytes(full().read_bytes())
+    daemon.latency_s = 0.3
+
+    async def script(screen: Tune, user: Pilot[None]) -> None:
+        await user.press("s")
+        await until(user, lambda: message(screen).startswith("Saved to"))
+
+    assert not on_screen(daemon, script, config, waits=False).unsaved
+    assert load(config).pid.kp == PID["kp"]
 
 
 @pytest.mark.parametrize("broken", [True, False])
