@@ -1,4 +1,4 @@
-"""What navigating costs: the worker's processor time, and whether commands and control wait for it.
+"""What navigating costs: the worker's processor time and memory, and whether commands and control wait for it.
 
 The real processes: a simulated ChefBot with a lidar in the flat, a daemon that drives it between two places of the
 map, and its worker. It stands and drives by turns, in one daemon; a client asks ``get_state`` all the time, and a tap on
@@ -40,7 +40,7 @@ WATCHDOG_S = 3.0
 """A busy machine holds up the daemon for longer than a real robot may be."""
 HELD_UP_S = 60.0
 """It holds up the simulated board too; for so long that is no fault."""
-MOST_CORES, RATIO = 0.15, 1.5
+MOST_CORES, MOST_MB, RATIO = 0.15, 150.0, 1.5
 TURN_RAD_S = 0.4
 ON_ITS_WAY = 2
 """So many frames may be on their way between tap and control when a turn begins or ends."""
@@ -55,12 +55,13 @@ class Phase:
     seconds: float = 0.0
     worker_s: float = 0.0
     daemon_s: float = 0.0
+    worker_mb: float = 0.0
     missed: int = 0
     """Encoder frames without a control step."""
 
 
 def run(*, quick: bool = False) -> Outcome:
-    """Cores of the worker and the daemon, latencies navigating over not, control steps that are missing."""
+    """Cores of the worker and the daemon, the worker's memory, latencies navigating over not, control steps that are missing."""
     turns, seconds = (2, QUICK_SECONDS) if quick else (TURNS, SECONDS)
     stands, by_hand, navigates = Phase(), Phase(), Phase()
     with _serving() as (robot, caller, wire):
@@ -78,6 +79,7 @@ def run(*, quick: bool = False) -> Outcome:
     figures = (
         Figure("worker, navigating", navigates.worker_s / navigates.seconds, "core", MOST_CORES, "0.25"),
         Figure("worker, standing", stands.worker_s / stands.seconds, "core"),
+        Figure("worker, navigating, resident", navigates.worker_mb, "MB", MOST_MB),
         Figure("daemon, navigating", navigates.daemon_s / navigates.seconds, "core"),
         Figure("daemon, by hand", by_hand.daemon_s / by_hand.seconds, "core"),
         *_latencies("get_state", "standing", stands.calls_s, navigates.calls_s),
@@ -113,6 +115,7 @@ def _measure(
     phase.seconds += time.monotonic() - began_s
     phase.worker_s += _cpu_s(worker) - worker_s
     phase.daemon_s += robot.cpu_s() - daemon_s
+    phase.worker_mb = max(phase.worker_mb, worker.memory_info().rss / 1e6)
     steps = caller.call("get_stats")["control_steps"] - steps
     journal = wire.collect()
     phase.missed += max(len(journal.encoder_frames_ns) - steps - ON_ITS_WAY, 0)

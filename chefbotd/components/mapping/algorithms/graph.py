@@ -10,9 +10,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix, csr_matrix
-from scipy.sparse.csgraph import dijkstra
-from scipy.sparse.linalg import splu
 
 from chefbotd.core.poses import Floats, invert, wrap
 from chefbotd.core.record import Record
@@ -132,6 +129,8 @@ def _step(poses: Floats, edges: Edges, fixed: Indices, scale: float) -> Floats:
     blocks = [first @ of_first, first @ of_second, second @ of_first, second @ of_second, anchors]
     rows = np.concatenate([edges.first, edges.first, edges.second, edges.second, fixed])
     columns = np.concatenate([edges.first, edges.second, edges.first, edges.second, fixed])
+    from scipy.sparse.linalg import splu  # 6 MB that a worker which makes no map does without
+
     system = _assemble_matrix(len(poses), rows, columns, np.concatenate(blocks))
     factors = splu(system, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     step: Floats = -factors.solve(gradient.ravel()).reshape(-1, 3)
@@ -140,6 +139,8 @@ def _step(poses: Floats, edges: Edges, fixed: Indices, scale: float) -> Floats:
 
 def _assemble_matrix(nodes: int, rows: Indices, columns: Indices, blocks: Floats) -> Any:
     """The sparse matrix of these 3 by 3 blocks; those at the same place add up."""
+    from scipy.sparse import csc_matrix
+
     three = np.arange(3)
     at_row = np.broadcast_to(3 * rows[:, None, None] + three[None, :, None], blocks.shape)
     at_column = np.broadcast_to(3 * columns[:, None, None] + three[None, None, :], blocks.shape)
@@ -169,6 +170,9 @@ def drift_m(nodes: int, edges: Edges, source: int, lever_m: float) -> Floats:
     An error of heading counts with ``lever_m``. Further ways only make it surer, so this is an upper bound
     (Olson, "Robust and Efficient Robotic Mapping", 2008, calls it the Dijkstra projection). Unreachable: inf.
     """
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import dijkstra
+
     variance = edges.spread[:, 0] + lever_m**2 * edges.spread[:, 1]
     low, high = np.minimum(edges.first, edges.second), np.maximum(edges.first, edges.second)
     order = np.lexsort((variance, high, low))

@@ -182,8 +182,12 @@ def without_thing(ground: Costmap, cells: NDArray[np.int64]) -> Costmap:
     inside = ndimage.binary_fill_holes(was[within])
     surcharges[within] = np.where(inside & np.isinf(surcharges[within]), 1.0, surcharges[within])
     limits[box(its.inner_m)] = np.minimum(limits[box(its.inner_m)], WHERE_IT_WAS_M_S)
-    part = np.empty_like(costs[inner])
-    _fill(distance_m[inner], surcharges[inner], _numbers(its, its.blocked_below_m), part)
+    near_m, surcharge = (
+        distance_m[inner].copy(),
+        surcharges[inner].copy(),
+    )  # whole arrays, as ``_fill`` is compiled for
+    part = np.empty_like(near_m)
+    _fill(near_m, surcharge, _numbers(its, its.blocked_below_m), part)
     costs[inner] = part
     return replace(
         ground, walls=walls, distance_m=distance_m, standing_m=distance_m, fixed_m=distance_m,

@@ -17,17 +17,21 @@ from chefbotd.core.geometry import ORIGIN, STANDING, Pose2D, Twist2D
 from chefbotd.core.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 
 CELLS, CELL_M, STEPS, WALKED = 80, 0.05, 60, 20
+BOX = slice(60, 64)
 
 
 def warm(params: NavigationParameters) -> None:
-    """Begin to drive through a small room with a post in it, and give back the memory of libraries."""
+    """Begin to drive through a small room with a box and a post in it, and give back the memory of libraries."""
     percent = np.full((CELLS, CELLS), FREE, np.int8)
     percent[0], percent[-1], percent[:, 0], percent[:, -1] = OCCUPIED, OCCUPIED, OCCUPIED, OCCUPIED
+    percent[BOX, BOX] = OCCUPIED
     middle_m = CELLS * CELL_M / 2
     navigator, pose = Navigator(params), Pose2D(middle_m / 2, middle_m, math.pi / 2)
     navigator.use_map(OccupancyGrid(CELL_M, ORIGIN, percent))
     post = np.array([[0.3, -middle_m / 2], [0.35, -middle_m / 2]])
     navigator.take_scan(Seen(0.0, pose, np.zeros(2), post))
+    wall = np.array([[0.0, middle_m / 2], [0.05, middle_m / 2], [0.1, middle_m / 2]])  # it is on the map
+    navigator.take_scan(Seen(0.0, pose, np.zeros(2), wall))
     navigator.take_range(0.0, pose, Pose2D(), 0.7, 0.26)
     _meet_somebody(params)
     navigator.navigate_to((Goal(1.5 * middle_m, middle_m, 0.0),))
