@@ -61,7 +61,7 @@ class Phase:
 
 
 def run(*, quick: bool = False) -> Outcome:
-    """Cores of the worker and the daemon, the worker's memory, latencies navigating over not, control steps that are missing."""
+    """Cores of worker and daemon, the worker's memory, latencies navigating over not, control steps that are missing."""
     turns, seconds = (2, QUICK_SECONDS) if quick else (TURNS, SECONDS)
     stands, by_hand, navigates = Phase(), Phase(), Phase()
     with _serving() as (robot, caller, wire):
