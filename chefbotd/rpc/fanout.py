@@ -16,7 +16,7 @@ from msgspec import Raw, Struct
 from chefbotd.bus import Bus, OnError
 from chefbotd.clock import Clock
 from chefbotd.rpc.encoding import EventPayload, encode
-from chefbotd.rpc.method import Receiver
+from chefbotd.rpc.method import EventSink, Receiver
 from chefbotd.rpc.models import TopicState
 from chefbotd.rpc.topics import Topic
 
@@ -82,29 +82,36 @@ class Member(Struct):
 
 
 class Group:
-    """The receivers of a topic at one rate and with one policy."""
+    """The receivers of a topic at one rate and with one policy.
+
+    A member is new until the first event behind its snapshot is sent. From then on it gets what the others get, by one
+    call.
+    """
 
     def __init__(self, feed: Feed, policy: str, interval_s: float, clock: Clock) -> None:
         self._feed, self._clock = feed, clock
         self._latest, self._interval_s = policy == "latest", interval_s
-        self._members: dict[Receiver, Member] = {}
+        self._new: dict[Receiver, Member] = {}
+        self._steady: dict[Receiver, EventSink] = {}
+        self._sent = 0  # the event that the steady members have had
         self._due_s = float("-inf")
         self._timer: asyncio.TimerHandle | None = None
 
     def __contains__(self, receiver: Receiver) -> bool:
-        return receiver in self._members
+        return receiver in self._steady or receiver in self._new
 
     def __bool__(self) -> bool:
-        return bool(self._members)
+        return bool(self._steady or self._new)
 
     def add(self, receiver: Receiver) -> None:
         """A new member, which has seen nothing yet."""
-        self._members[receiver] = Member()
+        self._new[receiver] = Member()
 
     def remove(self, receiver: Receiver) -> None:
         """A member leaves; without members nothing stays scheduled."""
-        del self._members[receiver]
-        if not self._members:
+        self._steady.pop(receiver, None)
+        self._new.pop(receiver, None)
+        if not self:
             self._cancel_timer()
 
     def snapshot(self, receiver: Receiver) -> None:
@@ -112,7 +119,8 @@ class Group:
         now_s = self._clock.now_s()
         payload = None if self._feed.topic.passing else self._feed.payload(now_s)
         if payload is not None:
-            self._members[receiver] = Member(self._feed.seq, now_s + self._interval_s - TIMER_RESOLUTION_S)
+            self._steady.pop(receiver, None)
+            self._new[receiver] = Member(self._feed.seq, now_s + self._interval_s - TIMER_RESOLUTION_S)
             receiver.send_event(payload, self._latest)
 
     def offer(self, now_s: float) -> None:
@@ -138,15 +146,26 @@ class Group:
         payload = self._feed.payload(now_s)
         if payload is None:
             return
-        seq, latest, early = self._feed.seq, self._latest, False
-        for receiver, member in self._members.items():
-            if member.seen == seq:  # a snapshot may have brought it already
+        seq, latest = self._feed.seq, self._latest
+        if seq != self._sent:
+            self._sent = seq
+            for send_event in self._steady.values():
+                send_event(payload, latest)
+        if self._new:
+            self._send_to_new(payload, now_s)
+
+    def _send_to_new(self, payload: EventPayload, now_s: float) -> None:
+        """Send an event to those who are new, but for those for whom it is too early."""
+        early = False
+        for receiver, member in list(self._new.items()):
+            if member.seen == payload.seq:  # a snapshot has brought it already
                 continue
             if now_s < member.due_s:
                 early = True
                 continue
-            member.seen = seq
-            receiver.send_event(payload, latest)
+            del self._new[receiver]
+            self._steady[receiver] = send_event = receiver.send_event
+            send_event(payload, self._latest)
         if early:
             self._send_when_due(now_s)
 

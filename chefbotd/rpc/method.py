@@ -22,11 +22,20 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., Any])
 
 
+class EventSink(Protocol):
+    """Where events for one client go."""
+
+    def __call__(self, payload: "EventPayload", latest: bool) -> None:
+        """Send an event, or keep it by the policy while the client is behind; never waits."""
+        ...
+
+
 class Receiver(Protocol):
     """A client that takes events."""
 
-    def send_event(self, payload: "EventPayload", latest: bool) -> None:
-        """Send an event, or keep it by the policy while the client is behind; never waits."""
+    @property
+    def send_event(self) -> EventSink:
+        """The same function each time: who sends many events asks once."""
         ...
 
 

@@ -14,8 +14,8 @@ from typing import cast
 from chefbotd.rpc.arrivals import ByteArrival
 from chefbotd.rpc.backlog import Backlog
 from chefbotd.rpc.connection_manager import ConnectionManager
-from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure, Request
+from chefbotd.rpc.method import EventSink
 from chefbotd.rpc.session import Session
 from chefbotd.transport.framing import ConnectionFraming, LineFraming
 from chefbotd.transport.outbox import Outbox
@@ -77,6 +77,7 @@ class SocketConnection(asyncio.Protocol):
             self._manager.drops,
             self._end_stuck,
             self._framing.encode,
+            self._framing.event,
             self._framing.describe_drops,
         )
         greeting = self._manager.add(self)
@@ -91,9 +92,10 @@ class SocketConnection(asyncio.Protocol):
         """Send a progress notification, or keep the latest while the client is behind; never waits."""
         self._outbox.telemetry("progress", True, self._framing.encode(message))
 
-    def send_event(self, payload: EventPayload, latest: bool) -> None:
-        """Send an event, or keep it by the policy while the client is behind; never waits."""
-        self._outbox.telemetry(payload.topic, latest, self._framing.event(payload))
+    @property
+    def send_event(self) -> EventSink:
+        """Sends an event, or keeps it by the policy while the client is behind; never waits."""
+        return self._outbox.write_event
 
     def data_received(self, data: bytes) -> None:
         """Asyncio: bytes from the client, cut anywhere."""

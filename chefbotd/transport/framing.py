@@ -42,8 +42,8 @@ class ConnectionFraming(Protocol):
         """A message as it goes to the client."""
         ...
 
-    def event(self, payload: EventPayload) -> bytes:
-        """An event as it goes to the client."""
+    def event(self, payload: EventPayload, /) -> bytes:
+        """An event as it goes to the client; made once for all clients of this framing."""
         ...
 
     def describe_failure(self, failure: Failure, /) -> bytes:
@@ -64,12 +64,19 @@ def describe_drops(dropped: Dropped) -> bytes:
     return jsonrpc.notification("dropped", encode(dropped))
 
 
+@lru_cache(maxsize=4)
+def _event_line(payload: EventPayload) -> bytes:
+    """An event as a line; the fan-out hands one payload to many clients in turn, so the line is made once."""
+    return jsonrpc.event(payload) + b"\n"
+
+
 class LineFraming:
     """A line is a message: the stream is what the backlog takes."""
 
     partial, ended, failure = False, False, None
     describe_failure = staticmethod(jsonrpc.error)
     describe_drops = staticmethod(describe_drops)
+    event = staticmethod(_event_line)
 
     def lines(self, data: bytes) -> bytes:
         """The bytes as they are."""
@@ -83,16 +90,6 @@ class LineFraming:
         """The message with a line end."""
         return message + b"\n"
 
-    def event(self, payload: EventPayload) -> bytes:
-        """The event as a line."""
-        return _event_line(payload)
-
     def goodbye(self) -> bytes:
         """A line socket just closes."""
         return b""
-
-
-@lru_cache(maxsize=4)
-def _event_line(payload: EventPayload) -> bytes:
-    """An event as a line; the fan-out hands one payload to many clients in turn, so the line is made once."""
-    return jsonrpc.event(payload) + b"\n"

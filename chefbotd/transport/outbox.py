@@ -12,6 +12,7 @@ import itertools
 from collections import Counter, OrderedDict
 from collections.abc import Callable
 
+from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.models import Dropped
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.transport.framing import describe_drops
@@ -26,8 +27,8 @@ LOOKS = 10
 class Outbox:
     """The output of one client; ``drops`` counts, by topic, what all clients together have lost.
 
-    What comes in is encoded already; ``encode`` does so with what the outbox itself has to say: ``describe_drops``
-    makes that, and where it is empty nothing is said.
+    Answers come encoded already; ``encode_event`` does so with events, and ``encode`` with what the outbox itself has to
+    say: ``describe_drops`` makes that, and where it is empty nothing is said.
     ``give_up`` is called when the client has read nothing for ``timeout_s``, and ends the connection.
     """
 
@@ -38,10 +39,12 @@ class Outbox:
         drops: Counter[str],
         give_up: Callable[[], None],
         encode: Callable[[bytes], bytes],
+        encode_event: Callable[[EventPayload], bytes],
         describe_drops: Callable[[Dropped], bytes] = describe_drops,
     ) -> None:
         self._transport, self._parameters, self._all_drops = transport, parameters, drops
         self._give_up, self._encode, self._describe_drops = give_up, encode, describe_drops
+        self._encode_event, self._write = encode_event, transport.write
         self._waiting: OrderedDict[tuple[str, int], bytes] = OrderedDict()
         self._waiting_bytes = 0
         self._order = itertools.count(1)
@@ -67,8 +70,17 @@ class Outbox:
         self._unread_bytes += len(line)
         self._transport.write(line)
 
-    def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
+    def write_event(self, payload: EventPayload, latest: bool) -> None:
         """Write an event at once, or keep it by the policy."""
+        if self.closing:
+            return
+        if self.blocked:
+            self.telemetry(payload.topic, latest, self._encode_event(payload))
+        else:
+            self._write(self._encode_event(payload))
+
+    def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
+        """The same of one that is encoded."""
         if self.closing:
             return
         if not self.blocked:

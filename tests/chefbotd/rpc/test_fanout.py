@@ -153,6 +153,24 @@ def test_a_snapshot_is_only_of_what_there_is() -> None:
     assert (reader.texts, other.texts) == (["a"], ["a"])
 
 
+def test_who_has_had_a_snapshot_gets_each_event_once() -> None:
+    """Also where it asks for another snapshot meanwhile, and leaves: each event is of both readers, and of none twice."""
+    clock = ManualClock(100.0)
+    fanout, reader, other = text_fanout(clock), Reader(), Reader()
+    publish_texts(fanout, "a")
+    for receiver in (reader, other):
+        fanout.add_receiver(receiver, ["text"], "latest", 0.0)
+        fanout.snapshot(receiver, ["text"])
+    clock.advance(0.01)
+    publish_texts(fanout, "b", "c")
+    fanout.snapshot(reader, ["text"])
+    clock.advance(0.01)
+    publish_texts(fanout, "d")
+    fanout.remove_receiver(other)
+    publish_texts(fanout, "e")
+    assert (reader.texts, other.texts) == (["a", "b", "c", "c", "d", "e"], ["a", "b", "c", "d"])
+
+
 def timeline(max_rate_hz: float, script: Callable[[Fanout], Any]) -> list[tuple[float, str]]:
     """What a rate-limited reader gets and when, in seconds from the start."""
 

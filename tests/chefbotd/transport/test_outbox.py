@@ -17,7 +17,7 @@ FILL = b"x" * 5000  # more than the write buffer takes before it pauses
 def outbox() -> tuple[Outbox, FakeTransport, Counter[str]]:
     """An outbox on a fake socket, and the count of all clients' drops."""
     transport, drops = FakeTransport(), Counter[str]()
-    box = Outbox(transport, LIMITS, drops, transport.abort, LineFraming().encode)
+    box = Outbox(transport, LIMITS, drops, transport.abort, LineFraming().encode, LineFraming.event)
     transport.pause_writing, transport.resume_writing = box.hold_back, box.resume
     return box, transport, drops
 
