@@ -154,7 +154,7 @@ def test_a_snapshot_is_only_of_what_there_is() -> None:
 
 
 def test_who_has_had_a_snapshot_gets_each_event_once() -> None:
-    """Also where it asks for another snapshot meanwhile, and leaves: each event is of both readers, and of none twice."""
+    """Also after another snapshot, which repeats the last one, and when the other reader has left."""
     clock = ManualClock(100.0)
     fanout, reader, other = text_fanout(clock), Reader(), Reader()
     publish_texts(fanout, "a")
