@@ -17,7 +17,9 @@ import pytest
 import structlog
 from hypothesis import HealthCheck, settings
 
+from chefbotd.components.simulation.compiled_firmware import NoCompilerError
 from tests.budget import FAST_EXAMPLES, IS_FULL, TIER, is_left
+from tests.firmware.tools import refuse
 from tests.groups import COMPILED, NEED_NAVIGATION, group_of
 
 # A shell starts a job in the background with SIGINT ignored, and the programs that are tested would inherit that.
@@ -99,6 +101,24 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         done = [item for item in items if not is_left(item)]
         items[:] = [item for item in items if is_left(item)]
         config.hook.pytest_deselected(items=done)
+
+
+def _lack_of_compiler(error: BaseException | None) -> BaseException | None:
+    """The error that says so, where it is this one's cause."""
+    while error is not None and not isinstance(error, NoCompilerError):
+        error = error.__cause__
+    return error
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_pyfunc_call() -> Generator[None, object, object]:
+    """A test whose simulated board runs our own firmware is skipped where that can be neither loaded nor compiled."""
+    try:
+        return (yield)
+    except Exception as error:
+        if (cause := _lack_of_compiler(error)) is None:
+            raise
+        return refuse(str(cause))
 
 
 class _Executed:

@@ -100,6 +100,12 @@ void report_begin(bool is_checked)
     report.is_state_due = true;
 }
 
+uint16_t report_due_in_ms(void)
+{
+    const uint16_t wait_ms = (uint16_t)(report.due_ms - milliseconds());
+    return (wait_ms > (UINT16_MAX / 2U)) ? 0U : wait_ms;
+}
+
 static void send_imu_axes(void)
 {
     line_begin(word_imu);

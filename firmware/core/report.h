@@ -17,6 +17,9 @@ void report_begin(bool is_checked);
 /* A millisecond has begun, which is when cycles begin: from the timer's interrupt. */
 void report_tick(void);
 
+/* In how many milliseconds the next cycle is due, for a host whose time goes on in steps; 0: it is. */
+uint16_t report_due_in_ms(void);
+
 /* Sends a cycle's lines if it is due; true if it was. */
 bool report_run(void);
 

@@ -5,9 +5,11 @@
 #include <stdint.h>
 
 #define HAL_BOARD BOARD_HOST
+#ifndef HAL_CAPABILITIES /* the simulator gives those of the real boards */
 #define HAL_CAPABILITIES                                                                                  \
     (CAPABILITY_WHEEL_LOOP + CAPABILITY_ULTRASONIC + CAPABILITY_IMU + CAPABILITY_BATTERY +                \
      CAPABILITY_CURRENT)
+#endif
 #define HAL_KEPT __attribute__((section("hal_kept"))) /* together, so that a test can damage it */
 #define HAL_UNCLEARED
 #define HAL_FLASH

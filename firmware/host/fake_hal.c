@@ -1,5 +1,6 @@
 /* The host build's hardware: variables, and time that is told. Python sets and reads it through these functions. */
 #include "fake_hal.h"
+#include "simulated.h"
 
 #include <string.h>
 
@@ -66,6 +67,7 @@ void hal_encoders_open(void)
 void hal_start_sending(void)
 {
     fake.is_sending = true;
+    simulated_line_ended();
 }
 
 void hal_ultrasonic_trigger(void)

@@ -49,7 +49,6 @@ uint32_t host_drain(uint8_t *bytes, uint32_t most);
 /* Passes for so long, one every 100 us, and a tick at every whole millisecond of these, before its pass. */
 void host_run(uint32_t micros);
 
-
 /* What HAL_KEPT holds: how many bytes, and one of its bits that is flipped. */
 uint32_t host_kept_bytes(void);
 void host_flip_kept(uint32_t bit);

@@ -1,6 +1,6 @@
 # The core for this computer: a library that Python drives, and the proofs.
 
-HOST := host/fake_hal.c host/drive.c
+HOST := host/fake_hal.c host/drive.c host/simulated.c
 HOST_HEADERS := $(CORE_HEADERS) $(wildcard host/*.h)
 HOST_FLAGS := -O2 -g $(WARNINGS) -Ihost -Icore
 SANITIZE := -fsanitize=address,undefined -fno-sanitize-recover=all

@@ -7,10 +7,11 @@ library has one board; a new ``Board`` is that board with its power switched on 
 import ctypes
 from binascii import crc_hqx
 from collections.abc import Iterable, Mapping
-from ctypes import c_bool, c_int16, c_uint8, c_uint16, c_uint32
+from ctypes import c_bool, c_uint8, c_uint32
 from functools import cache
 from types import MappingProxyType
 
+from chefbotd.components.simulation.compiled_firmware import FakeHal
 from tests.firmware import tools
 
 SOFTWARE, POWER_ON, PIN, BROWN_OUT, WATCHDOG, COMMAND, HUNG, DAMAGED = range(8)
@@ -20,38 +21,11 @@ TURN = ((0, 2), (2, 3), (3, 1), (1, 0))
 """The levels before and after each edge of a wheel that rolls forward: A (2) before B (1)."""
 
 
-class Fake(ctypes.Structure):
-    """``struct fake_hal`` of firmware/host/fake_hal.h, field by field."""
-
-    _fields_ = [
-        *[
-            (name, c_uint32)
-            for name in ("micros", "run_us", "locks", "tick_at_lock", "tick_micros", "lock_errors")
-        ],
-        *[(name, c_uint32) for name in ("motor_writes", "pings", "feeds", "restarts", "imu_us")],
-        ("duty", c_int16 * 2),
-        ("imu", c_int16 * 6),
-        ("battery", c_uint16),
-        ("current", c_uint16 * 2),
-        ("levels", c_uint8 * 2),
-        ("depth", c_uint8),
-        *[
-            (name, c_bool)
-            for name in ("is_sending", "has_imu", "has_watchdog", "is_new_imu", "is_new_battery")
-        ],
-        ("is_new_current", c_bool * 2),
-        ("shut", c_uint8),
-        ("opened", c_uint8),
-    ]
-
-
 @cache
 def library() -> ctypes.CDLL:
     """The library, built if its sources are newer."""
     tools.make("host")
-    loaded = ctypes.CDLL(str(tools.BUILD / "libfirmware_host.so"))
-    assert loaded.host_fake_size() == ctypes.sizeof(Fake), "tests/firmware/host.py differs from fake_hal.h"
-    return loaded
+    return ctypes.CDLL(str(tools.BUILD / "libfirmware_host.so"))
 
 
 def crc(body: bytes) -> int:
@@ -72,7 +46,7 @@ class Board:
 
     def __init__(self, *, micros: int = 0, cause: int = POWER_ON, has_imu: bool = True) -> None:
         self._library = library()
-        self.fake = Fake.in_dll(self._library, "fake")
+        self.fake = FakeHal.in_dll(self._library, "fake")
         ctypes.memset(ctypes.byref(self.fake), 0, ctypes.sizeof(self.fake))
         self.fake.micros, self.fake.has_imu = micros, has_imu
         self._sequence = 0

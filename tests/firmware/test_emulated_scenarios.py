@@ -1,4 +1,4 @@
-"""The whole daemon with our firmware's own image: the scenarios that its model in Python goes through."""
+"""The whole daemon with our firmware's own image: the scenarios that its core on a simulated board goes through."""
 
 import asyncio
 from collections.abc import Callable

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import msgspec
 
-import chefbotd
 from chefbotd.components.flash.boards import Board
 from chefbotd.core.record import Record
+from chefbotd.packaged import find_packaged
 from chefbotd.storage import explain
 
 LIST = "images.json"
@@ -85,10 +85,8 @@ class _Images(msgspec.Struct, frozen=True):
 
 
 def packaged_folder() -> Path:
-    """The folder of images: in the installed package, or in the source tree."""
-    package = Path(chefbotd.__file__).parent
-    installed = package / "firmware_images"
-    return installed if installed.is_dir() else package.parent / "firmware" / "images"
+    """The folder of images."""
+    return find_packaged("firmware_images", "firmware/images")
 
 
 def packaged_image(board: str, folder: Path | None = None) -> Image:

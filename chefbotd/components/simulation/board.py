@@ -11,8 +11,7 @@ import numpy as np
 from chefbotd.clock import Clock
 from chefbotd.components.simulation.arrays import Vector
 from chefbotd.components.simulation.crowd import Crowd
-from chefbotd.components.simulation.firmware import FirmwareSketch
-from chefbotd.components.simulation.parameters.sketches import BoardParameters, SketchName
+from chefbotd.components.simulation.parameters.sketches import BoardParameters
 from chefbotd.components.simulation.peripherals import Uart
 from chefbotd.components.simulation.plant import Push
 from chefbotd.components.simulation.robot import Robot
@@ -39,18 +38,26 @@ class SimulatedBoard(ABC):
     sketch: Program
     heard_s = 0.0
     duty_since_s = 0.0
+    _resume_s = 0.0
+    """When the program goes on, at the latest."""
 
-    @abstractmethod
     def next_event_s(self) -> float:
         """When to call ``advance`` next: no line leaves before then."""
+        return min(self.uart.next_s, self._resume_s)
 
-    @abstractmethod
     def advance(self, to_s: float) -> list[tuple[float, bytes]]:
         """Run until ``to_s``: lines that left since the last call, with the times of their last bytes."""
+        self._run(to_s)
+        return self.uart.take_lines(to_s)
 
     @abstractmethod
     def receive(self, data: bytes, at_s: float) -> None:
         """Bytes from the host."""
+
+    def duty_at(self, at_s: float) -> tuple[int, ...]:
+        """The motor command in force at this time."""
+        self._run(at_s)
+        return self.sketch.duty
 
     def truth(self, at_s: float, stamp_s: float) -> TruthSimulated:
         """Where the robot really is at ``at_s`` of the board's time, stamped ``stamp_s``."""
@@ -84,7 +91,7 @@ class SimulatedBoard(ABC):
 
 
 class Launchpad(SimulatedBoard):
-    """A board that runs a model of its program."""
+    """A board that runs a model of a published sketch."""
 
     def __init__(
         self, wiring: Wiring, parameters: BoardParameters, seed: int, line_rate_bytes_s: float
@@ -96,19 +103,8 @@ class Launchpad(SimulatedBoard):
             parameters.receive_buffer_bytes,
             parameters.handover_s,
         )
-        program = FirmwareSketch if parameters.sketch is SketchName.CHEFBOT else Sketch
-        self.sketch: Sketch | FirmwareSketch = program(wiring, parameters, self.uart, seed)
+        self.sketch: Sketch = Sketch(wiring, parameters, self.uart, seed)
         self._program = self.sketch.run()
-        self._resume_s = 0.0
-
-    def next_event_s(self) -> float:
-        """When to call ``advance`` next: no line leaves before then."""
-        return min(self.uart.next_s, self._resume_s)
-
-    def advance(self, to_s: float) -> list[tuple[float, bytes]]:
-        """Run until ``to_s``: lines that left since the last call, with the times of their last bytes."""
-        self._run(to_s)
-        return self.uart.take_lines(to_s)
 
     def receive(self, data: bytes, at_s: float) -> None:
         """Bytes from the host; a classic sketch reads them when its next cycle begins."""
@@ -153,7 +149,7 @@ class BoardRunner:
     @property
     def duty(self) -> tuple[int, ...]:
         """The motor command in force."""
-        return self._launchpad.sketch.duty
+        return self._launchpad.duty_at(self.board_s())
 
     @property
     def heard_s(self) -> float:

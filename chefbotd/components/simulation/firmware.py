@@ -1,29 +1,20 @@
-"""Our own firmware on the simulated board: its program (``firmware_program.py``) with the robot's wheels and sensors.
+"""A simulated board that runs our own firmware: its core, compiled for this computer, wired to the simulated robot.
 
-It takes received bytes at once, as the real one does within a millisecond, and nothing makes it wait.
+The program's time goes on from one step of the robot to the next, between which the wheels turn evenly; what it does
+there happens at its own microsecond. It takes received bytes at once, as the real one does within a millisecond.
 """
 
 import math
-from collections import deque
-from collections.abc import Iterator
 
-import numpy as np
-
-from chefbotd.components.simulation.firmware_loop import Edges
-from chefbotd.components.simulation.firmware_motors import Kept
-from chefbotd.components.simulation.firmware_program import (
-    BATTERY,
-    COMMAND,
-    IMU,
-    POWER_ON,
-    ULTRASONIC,
-    WHEEL_LOOP,
-    FirmwareProgram,
-)
-from chefbotd.components.simulation.parameters.sketches import BoardParameters
+from chefbotd.components.simulation.board import SimulatedBoard
+from chefbotd.components.simulation.board_pins import BoardPins
+from chefbotd.components.simulation.compiled_firmware import CompiledFirmware
+from chefbotd.components.simulation.parameters.sketches import UINT32_SPAN, BoardParameters
 from chefbotd.components.simulation.peripherals import Uart, pwm_share
-from chefbotd.components.simulation.sensors import Imu, adc_counts
-from chefbotd.components.simulation.sketch import SOUND_M_S, Wiring
+from chefbotd.components.simulation.sketch import Wiring
+
+SOFTWARE, POWER_ON = 0, 1
+"""Why the program starts; after a restart by software it knows itself."""
 
 IMU_S, BATTERY_S = 0.02, 0.2
 """How often the board's sensors have a new reading."""
@@ -32,162 +23,108 @@ ECHO_BEGINS_US = 450
 """An HC-SR04 sends its burst before it raises its line (assumed)."""
 
 
-class FirmwareSketch:
-    """The board's program from power-on at time 0, as ``Sketch`` is another; it is the hardware of ``FirmwareProgram``.
+class FirmwareBoard(SimulatedBoard):
+    """The board, powered on at time 0.
 
-    While it ``loses_echoes``, the ultrasonic sensor has nothing in reach.
+    Raises:
+        OSError: there is no compiled core; the message says what to do.
     """
 
-    def __init__(self, wiring: Wiring, parameters: BoardParameters, uart: Uart, seed: int) -> None:
-        self._wiring, self._parameters, self._uart, self._robot = wiring, parameters, uart, wiring.robot
-        self._chance = np.random.default_rng(seed)
-        chassis = wiring.chassis
-        self._motor_signs = [wheel.motor_sign for wheel in chassis.wheels]
-        per_rad = chassis.counts_per_turn / math.tau
-        self._counts_per_rad = [wheel.encoder_sign * per_rad for wheel in chassis.wheels]
-        self.duty: tuple[int, ...] = (0,) * len(chassis.wheels)
-        self.loses_echoes = False
-        self._kept, self._cause = Kept(), POWER_ON
-        self._micros_at_start = parameters.boot_micros
-        self._now_s = self._started_s = 0.0
-        self._echoes: deque[tuple[int, bool]] = deque()
-        self._imu: Imu | None = None
-        self._imu_s = self._battery_s = -math.inf
-        self._program: FirmwareProgram | None = None
-
-    @property
-    def is_checked(self) -> bool:
-        """Whether the checked mode is in force."""
-        return self._program is not None and self._program.is_checked
-
-    def run(self) -> Iterator[float]:
-        """Run for ever; yields the time at which to continue at the latest."""
-        while True:
-            self._started_s, self._program = self._now_s, None
-            self._robot.release()
-            begins_s = self._now_s + self._parameters.boot_s
-            yield begins_s
-            self._go_to(begins_s)
-            program = self._start()
-            while self._program is program:
-                due_s = self.next_s
-                yield due_s
-                if self.next_s <= due_s:  # a command may have put it off
-                    self._go_to(self.next_s)
-                    self._act(program)
-            self._micros_at_start = 0
-
-    @property
-    def next_s(self) -> float:
-        """When something is due next; inf while it starts."""
-        if self._program is None:
-            return math.inf
-        due_us = self._program.next_us()
-        if self._echoes:
-            due_us = min(due_us, self._echoes[0][0])
-        return max(self._started_s + (due_us - self._micros_at_start) * 1e-6, self._now_s)
-
-    def receive(self, at_s: float) -> None:
-        """Bytes have come into the UART; a board that starts reads none."""
-        data, program = self._uart.read(), self._program
-        if program is None:
-            return
-        self._go_to(at_s)
-        program.receive(data, self._micros())
-        program.run(self._micros())
-
-    def _start(self) -> FirmwareProgram:
-        self._uart.read()
-        self._echoes.clear()
-        wiring = self._wiring
-        has_imu = wiring.imu is not None
-        if wiring.imu is not None:
-            self._imu = Imu(wiring.imu, self._now_s, self._robot.motion, wiring.true_imu)
-        sensors = (ULTRASONIC if wiring.ultrasonic is not None else 0) + (IMU if has_imu else 0) + BATTERY
-        self._program = FirmwareProgram(
-            self,
-            self._kept,
-            self._micros(),
-            self._cause,
-            wheels=len(self.duty),
-            capabilities=WHEEL_LOOP + sensors,
-            has_imu=has_imu,
+    def __init__(
+        self, wiring: Wiring, parameters: BoardParameters, seed: int, line_rate_bytes_s: float
+    ) -> None:
+        rate_bytes_s = parameters.line_rate_bytes_s or line_rate_bytes_s
+        self.robot, self._parameters = wiring.robot, parameters
+        self.uart = Uart(
+            rate_bytes_s,
+            parameters.transmit_buffer_bytes,
+            parameters.receive_buffer_bytes,
+            parameters.handover_s,
         )
-        return self._program
+        self.sketch = self._pins = BoardPins(wiring, seed)
+        self._program = CompiledFirmware(1e6 / rate_bytes_s)
+        self._program.hal.has_imu = self._pins.has_imu
+        self._pings = self._restarts = 0
+        self._now_s, self._steps = 0.0, 0
+        self._starts_s = self._resume_s = _whole_us(parameters.boot_s)
+        self._cause = POWER_ON
+        self._micros = parameters.boot_micros + round(parameters.boot_s * 1e6)
+        self._imu_steps, self._battery_steps = [
+            max(round(period_s / self.robot.step_s), 1) for period_s in (IMU_S, BATTERY_S)
+        ]
+        self.robot.release()
 
-    def _act(self, program: FirmwareProgram) -> None:
-        now_us = self._micros()
-        while self._echoes and self._echoes[0][0] <= now_us:
-            at_us, rising = self._echoes.popleft()
-            program.echo(rising, at_us)
-        self._read_sensors(program, now_us)
-        program.run(now_us)
+    def receive(self, data: bytes, at_s: float) -> None:
+        """Bytes from the host."""
+        self._run(at_s)
+        self.heard_s = at_s
+        self.uart.receive(data)
+        self._program.receive(self.uart.read())
+        self._serve_hardware(round(at_s * 1e6))
+        self._note_next()
 
-    def _read_sensors(self, program: FirmwareProgram, now_us: int) -> None:
-        readings = program.readings
-        if self._imu is not None and self._now_s - self._imu_s >= IMU_S:
-            self._imu_s = self._now_s
-            acceleration, rate = self._imu.counts(self._robot.motion, self._chance)
-            readings.imu, readings.imu_us, readings.is_new_imu = (*acceleration, *rate), now_us, True
-        if self._now_s - self._battery_s >= BATTERY_S:
-            self._battery_s = self._now_s
-            state = self._robot.state
-            noise = float(self._chance.standard_normal()) * state.battery.parameters.adc_noise_counts
-            readings.battery_level = adc_counts(state.terminal_v, self._wiring.divider, noise)
-            readings.has_battery = True
+    def _run(self, to_s: float) -> None:
+        to_s = _whole_us(to_s)
+        while self._now_s < to_s:
+            step_ends_s = (self._steps + 1) * self.robot.step_s
+            self._now_s = min(step_ends_s, self._starts_s, to_s)
+            self.robot.advance(self._now_s)
+            self._run_program()
+            if self._now_s == self._starts_s:
+                self._start()
+            if self._now_s == step_ends_s:
+                self._steps += 1
+                self._read_sensors()
+            self._note_next()
 
-    def _go_to(self, at_s: float) -> None:
-        self._now_s = max(at_s, self._now_s)
-        self._robot.advance(self._now_s)
+    def _note_next(self) -> None:
+        self._resume_s = self._program.next_us / 1e6 if self._starts_s == math.inf else self._starts_s
 
-    def _micros(self) -> int:
-        """The board's clock now, not wrapped."""
-        return self._micros_at_start + round((self._now_s - self._started_s) * 1e6)
+    def _start(self) -> None:
+        self._pins.power_imu(self._now_s)
+        self._program.start(self._cause, self._micros % UINT32_SPAN)
+        self._starts_s = math.inf
+        self._apply_duty()
 
-    # What the program asks of its hardware
+    def _run_program(self) -> None:
+        to_us, counts, at_us = round(self._now_s * 1e6), self._pins.read_counts(), -1
+        while at_us < to_us:
+            at_us = self._program.run(to_us, counts)
+            self._serve_hardware(at_us)
+        for left_us, line in self._program.take_lines():
+            self.uart.hand_over(line, left_us / 1e6)
 
-    def write_motors(self, duty: tuple[int, ...]) -> None:
-        """Put a duty on the motors."""
-        self.duty = duty
+    def _serve_hardware(self, at_us: int) -> None:
+        """Do what the program has asked its hardware for, at this time."""
+        hal = self._program.hal
+        duty = hal.duty[0], hal.duty[1]
+        if duty != self._pins.duty:
+            self._pins.duty, self.duty_since_s = duty, self._program.duty_since_us / 1e6
+            self._apply_duty()
+        if hal.pings != self._pings:
+            self._pings = hal.pings
+            if (echo_us := self._pins.read_echo_us()) is not None:
+                rises_us = at_us + ECHO_BEGINS_US
+                self._program.echo(rises_us, rises_us + echo_us)
+        if hal.restarts != self._restarts:
+            self._restarts, self._cause = hal.restarts, SOFTWARE
+            self._starts_s = _whole_us(at_us / 1e6 + self._parameters.boot_s)
+            self._micros = round(self._parameters.boot_s * 1e6)
+            self.robot.release()
+
+    def _apply_duty(self) -> None:
         law, full_scale = self._parameters.pwm_law, self._parameters.pwm_full_scale
-        wheels = zip(duty, self._motor_signs, strict=True)
-        self._robot.drive([sign * pwm_share(law, full_scale, value) for value, sign in wheels])
+        self._pins.drive([pwm_share(law, full_scale, value) for value in self._pins.duty])
 
-    def edges(self) -> Edges:
-        """Each wheel's count, and when its newest edge came, at the speed that it has."""
-        speeds = self._robot.state.wheels.velocity_rad_s
-        wheels = zip(self._robot.wheel_angles_rad, speeds, self._counts_per_rad, strict=True)
-        now_us = self._micros()
-        return [_edge(angle * per_rad, speed * per_rad, now_us) for angle, speed, per_rad in wheels]
-
-    def trigger_ultrasonic(self, now_us: int) -> None:
-        """The sensor's line rises, and falls when the echo is back."""
-        sensor = self._wiring.ultrasonic
-        if sensor is None or self.loses_echoes:
-            return
-        distance_m = sensor.distance_m(self._robot.state.world_from_base, self._chance)
-        if distance_m is not None:
-            rises_us = now_us + ECHO_BEGINS_US
-            falls_us = rises_us + round(2 * distance_m / SOUND_M_S * 1e6)
-            self._echoes.extend([(rises_us, True), (falls_us, False)])
-
-    def send(self, data: bytes) -> None:
-        """Put bytes on the wire."""
-        self._uart.send(data, self._now_s)
-
-    def room_bytes(self) -> int:
-        """What the transmit ring has room for."""
-        return self._parameters.transmit_buffer_bytes - self._uart.backlog_bytes(self._now_s)
-
-    def restart(self) -> None:
-        """Begin again, by command."""
-        self.write_motors((0,) * len(self.duty))
-        self._cause, self._program = COMMAND, None
+    def _read_sensors(self) -> None:
+        hal = self._program.hal
+        is_running = self._starts_s == math.inf
+        if is_running and self._pins.has_imu and self._steps % self._imu_steps == 0:
+            hal.imu[:], hal.imu_us, hal.is_new_imu = self._pins.read_imu(), hal.micros, True
+        if self._steps % self._battery_steps == 0:
+            hal.battery, hal.is_new_battery = self._pins.read_battery(), True
 
 
-def _edge(counts: float, counts_s: float, now_us: int) -> tuple[int, int]:
-    count = math.floor(counts)
-    if not counts_s:
-        return count, now_us
-    since = (counts - count if counts_s > 0 else count + 1 - counts) / abs(counts_s)
-    return count, now_us - min(round(since * 1e6), 1_000_000)
+def _whole_us(at_s: float) -> float:
+    """The program's time has whole microseconds."""
+    return round(at_s * 1e6) / 1e6

@@ -153,6 +153,6 @@ class LidarRunner:
     def _send_what_has_left(self) -> None:
         now_s = self._board.board_s()
         trail = self._board.trail(self._lidar.measured_s)
-        packets = self._lidar.advance(now_s, trail, self._board.crowd.discs)
+        packets = self._lidar.send_packets(now_s, trail, self._board.crowd.discs)
         if data := self._line.carry(packets):
             self._send(data)

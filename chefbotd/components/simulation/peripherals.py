@@ -102,12 +102,12 @@ class Uart:
     def send(self, line: bytes, at_s: float) -> float:
         """Queue a line; the sender may go on at the time returned, when the rest fits the buffer."""
         self._idle_s = max(at_s, self._idle_s) + len(line) * self._byte_s
-        self._left.append((self._handed_over_s(self._idle_s), line))
+        self.hand_over(line, self._idle_s)
         return max(at_s, self._idle_s - self._transmit_buffer_bytes * self._byte_s)
 
-    def backlog_bytes(self, at_s: float) -> int:
-        """How many bytes wait to be sent."""
-        return math.ceil(max(self._idle_s - at_s, 0.0) / self._byte_s)
+    def hand_over(self, line: bytes, left_s: float) -> None:
+        """Pass on a line whose last byte leaves the board at this time."""
+        self._left.append((self._handed_over_s(left_s), line))
 
     def _handed_over_s(self, sent_s: float) -> float:
         period_s = self._handover_s

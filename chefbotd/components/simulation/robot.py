@@ -82,6 +82,11 @@ class Robot(ABC):
     def _leave_trail(self, pose: Pose2D) -> None:
         self.trail.append((self._steps * self._plant.step_s, pose.x_m, pose.y_m, pose.heading_rad))
 
+    @property
+    def step_s(self) -> float:
+        """How long a step is: in between the wheels turn evenly, and a command does nothing."""
+        return self._plant.step_s
+
     def drive(self, shares: Sequence[float]) -> None:
         """Set the PWM shares (-1 to 1) of the wheels; 0 brakes. Raises ``ValueError`` unless there is one per wheel."""
         self._pulse_width = self._plant.pulse_width(shares)

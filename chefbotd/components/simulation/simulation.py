@@ -7,6 +7,8 @@ from msgspec import field
 from chefbotd.components.simulation.board import Launchpad, SimulatedBoard
 from chefbotd.components.simulation.chassis import PUBLISHED, Chassis
 from chefbotd.components.simulation.crowd import Crowd
+from chefbotd.components.simulation.emulated import EmulatedLaunchpad
+from chefbotd.components.simulation.firmware import FirmwareBoard
 from chefbotd.components.simulation.ground import Backlash, Slip
 from chefbotd.components.simulation.lidar_devices import SimulatedLd19, SimulatedRplidar
 from chefbotd.components.simulation.parameters.simulation import (
@@ -86,7 +88,7 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Simulate
     """A board on a robot in its world, at time 0; ``seed`` stands in for the configured one.
 
     Raises:
-        OSError: the map cannot be read, or the emulator or its image is not built.
+        OSError: the map cannot be read, our own firmware cannot be compiled, or its emulator or image is not built.
         ValueError: the map is none, or the start pose is too close to a wall.
         ModuleNotFoundError: the physics is MuJoCo's, which is not installed.
     """
@@ -127,11 +129,12 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Simulate
         ),
         true.imu,
     )
+    program: type[EmulatedLaunchpad | FirmwareBoard | Launchpad] = Launchpad
     if parameters.board.sketch is SketchName.EMULATED:
-        from chefbotd.components.simulation.emulated import EmulatedLaunchpad  # needs what no wheel has
-
-        return EmulatedLaunchpad(wiring, parameters.board, seed, simulation.line_rate_bytes_s)
-    return Launchpad(wiring, parameters.board, seed, simulation.line_rate_bytes_s)
+        program = EmulatedLaunchpad
+    elif parameters.board.sketch is SketchName.CHEFBOT:
+        program = FirmwareBoard
+    return program(wiring, parameters.board, seed, simulation.line_rate_bytes_s)
 
 
 def _robot(simulation: Simulation, scene: Scene, crowd: Crowd, seed: int) -> Robot:

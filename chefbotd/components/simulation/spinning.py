@@ -158,7 +158,7 @@ class SpinningLidar(ABC):
         points = (to_s - self.transmission_s) * self._flaws.points_per_s + 1
         return max(math.floor(points / self.points + 1e-9), 0)
 
-    def advance(self, to_s: float, trail: Vector, discs: Vector) -> list[bytes]:
+    def send_packets(self, to_s: float, trail: Vector, discs: Vector) -> list[bytes]:
         """The packets that left since the last call.
 
         Args:

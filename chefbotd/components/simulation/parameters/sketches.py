@@ -31,7 +31,7 @@ LINE_KINDS = "teusiab"
 class SketchName(StrEnum):
     """The published sketches of ChefBot, what KHAN's board is assumed to run, and our own firmware.
 
-    ``chefbot`` is a model of our firmware, ``emulated`` its image in an emulator.
+    ``chefbot`` is our firmware's core, compiled for this computer, ``emulated`` its image in an emulator.
     """
 
     TIVA = "tiva"
@@ -115,7 +115,7 @@ SKETCHES: Mapping[SketchName, SketchParameters] = MappingProxyType(
 )
 """The buffers of the Tiva's are assumed, and all of KHAN's: a program of the same kind at its 50 Hz.
 
-Of our own firmware's row only the buffers and the duties count, and the 10 ms of its checked mode, which are its own.
+Of our own firmware's row only the receive buffer and the duties count; all else is its own.
 """
 
 

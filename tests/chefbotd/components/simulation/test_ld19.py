@@ -49,7 +49,7 @@ def packets(
     """What it sends, asked in steps; the decoder refuses none of it."""
     decoder, read = Ld19Decoder(), []
     for number in range(1, round(seconds / step_s) + 1):
-        read += decoder.feed_bytes(b"".join(lidar.advance(number * step_s, trail, discs)))
+        read += decoder.feed_bytes(b"".join(lidar.send_packets(number * step_s, trail, discs)))
     assert not decoder.refused
     return read
 
@@ -194,7 +194,7 @@ def test_a_stalled_motor_measures_in_one_direction_until_it_is_released() -> Non
 
     def until(from_s: float, to_s: float) -> list[Ld19Packet]:
         steps = np.arange(from_s, to_s, 0.01) + 0.01
-        sent = [b"".join(lidar.advance(float(step), STANDING, NOBODY)) for step in steps]
+        sent = [b"".join(lidar.send_packets(float(step), STANDING, NOBODY)) for step in steps]
         return decoder.feed_bytes(b"".join(sent))
 
     stalled = until(1.0, 2.0)[2:]

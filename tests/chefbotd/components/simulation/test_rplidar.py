@@ -73,7 +73,7 @@ class Conversation:
         nodes: list[Answer] = []
         for _ in range(round(seconds / 0.01)):
             self.now_s += 0.01
-            nodes += self.decoder.feed_bytes(b"".join(self.lidar.advance(self.now_s, STANDING, NOBODY)))
+            nodes += self.decoder.feed_bytes(b"".join(self.lidar.send_packets(self.now_s, STANDING, NOBODY)))
         return [node for node in nodes if isinstance(node, kind)]
 
 
