@@ -79,7 +79,11 @@ def runner(request: pytest.FixtureRequest) -> Iterator[asyncio.Runner]:
 
 
 def stalling(owner: Any, name: str, monkeypatch: pytest.MonkeyPatch) -> Stall:
-    """A method that stalls before it does what it always does."""
+    """A method that stalls before it does what it always does.
+
+    One of a port is that of the open port alone: an older port, which is closed when it is collected, would stall in the
+    loop.
+    """
     stall, method = Stall(), getattr(owner, name)
 
     def call(*args: Any, **kwargs: Any) -> Any:
@@ -104,12 +108,12 @@ def test_a_close_that_stalls_holds_nobody(
     runner: asyncio.Runner, device: str, end: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However the port is given up, the kernel's close is waited for in a thread."""
-    stall = stalling(BriefSerial, "close", monkeypatch)
 
     async def run() -> None:
         protocol = Ending()
         transport = await open_port(LinkParameters(device=device), protocol)
         assert isinstance(transport, SerialPortTransport)
+        stall = stalling(transport.serial, "close", monkeypatch)
         await asyncio.sleep(0)
         ENDS[end](transport)
         await stall.watch()
@@ -123,11 +127,12 @@ def test_a_drain_that_stalls_holds_nobody(
     runner: asyncio.Runner, device: str, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What is unsent is dropped in the thread that closes."""
-    stall = stalling(BriefSerial, name, monkeypatch)
     monkeypatch.setattr(BriefSerial, "out_waiting", 1)
 
     async def run() -> None:
         transport = await open_port(LinkParameters(device=device), Ending())
+        assert isinstance(transport, SerialPortTransport)
+        stall = stalling(transport.serial, name, monkeypatch)
         await asyncio.sleep(0)
         transport.abort()
         await stall.watch()
