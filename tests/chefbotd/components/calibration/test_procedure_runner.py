@@ -113,6 +113,43 @@ def test_wheels_that_never_rest_end_a_step(limited_by: str | None, words: str) -
     run_virtual(run())
 
 
+def _drives_far() -> Procedure:
+    yield Move(Twist2D(0.3, 0.0), 5.0, "drives far", settled=False)
+
+
+def test_a_robot_that_an_obstacle_holds_ends_a_step() -> None:
+    """It is limited and its wheels stand for 1 s: something is in the way."""
+
+    async def run() -> None:
+        robot, loop = Robot(), asyncio.get_running_loop()
+        robot.tell("armed", 7, limited_by="obstacle:front")
+        began_s = loop.time()
+        async with robot.measuring():
+            await asyncio.sleep(0.01)
+            with pytest.raises(Refused, match=r"something is in the way \(obstacle:front\)"):
+                await robot.run(_drives_far())
+        assert loop.time() - began_s == pytest.approx(1.05, abs=0.06)
+
+    run_virtual(run())
+
+
+def test_a_robot_that_an_obstacle_only_slows_goes_on() -> None:
+    """Limited for 5 s and on its way; held for 0.9 s of them, which a robot with heavy wheels takes to start."""
+
+    async def run() -> None:
+        robot, loop = Robot(turning_rad_s=1.5), asyncio.get_running_loop()
+        robot.tell("armed", 7, limited_by="obstacle:front")
+        loop.call_later(2.0, setattr, robot, "turning_rad_s", 0.0)
+        loop.call_later(2.9, setattr, robot, "turning_rad_s", 1.5)
+        began_s = loop.time()
+        async with robot.measuring():
+            await asyncio.sleep(0.01)
+            await robot.run(_drives_far())
+        assert loop.time() - began_s > 5.0
+
+    run_virtual(run())
+
+
 def test_a_board_that_falls_silent_ends_a_step() -> None:
     """Without a reading of the wheels for 2 s nothing is driven any more."""
 
