@@ -84,7 +84,7 @@ class WheelController(StatefulPart[LimitsState]):
             seen.reading.velocity_rad_s,
             seen.dt_s,
             measured_over_s=seen.reading.measured_over_s,
-            apart=decision.limited_by is not None,
+            axes_independent=decision.limited_by is not None,
             substitutes=seen.same_side.substitutes,
             obeyed_m_s=obeyed_m_s,
         )
@@ -104,8 +104,8 @@ class WheelController(StatefulPart[LimitsState]):
         if decision.source == CALIBRATION and is_by_duty(decision.motion):
             self._force(decision.motion, now_s)
             return
-        apart = decision.limited_by is not None
-        after = self._drive.retarget(before, decision.motion, now_s, apart=apart)
+        axes_independent = decision.limited_by is not None
+        after = self._drive.retarget(before, decision.motion, now_s, axes_independent=axes_independent)
         carried_out = self._under_ceiling(now_s, before, after)
         if self._knows_its_motors and carried_out.duty == after.duty:
             carried_out = offer_duty(carried_out)

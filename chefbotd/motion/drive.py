@@ -104,13 +104,15 @@ class Drive:
         wheels = zip(self._directed, state.setpoint_m_s, state.held_m_s, strict=True)
         return tuple([pair.reverse if (now or before) < 0 else pair.forward for pair, now, before in wheels])
 
-    def retarget(self, state: DriveState, target: Motion, now_s: float, *, apart: bool = False) -> DriveState:
+    def retarget(
+        self, state: DriveState, target: Motion, now_s: float, *, axes_independent: bool = False
+    ) -> DriveState:
         """The command changed, or time passed without an encoder frame: step what needs no measurement.
 
-        ``apart``: the path has no curvature to keep, so neither axis waits for the other.
+        ``axes_independent``: the path has no curvature to keep, so neither axis waits for the other.
         """
         earlier_m_s = state.setpoint_m_s
-        state = self._setpoints.step(state, target, now_s, apart)
+        state = self._setpoints.step(state, target, now_s, axes_independent)
         if is_rest(target) and not any(state.setpoint_m_s):
             return self.halt(state)
         gains = self._gains
@@ -150,7 +152,7 @@ class Drive:
         dt_s: float,
         *,
         measured_over_s: float = 0.0,
-        apart: bool = False,
+        axes_independent: bool = False,
         substitutes: Sequence[tuple[int, int]] = (),
         obeyed_m_s: tuple[float, ...] | None = None,
     ) -> DriveState:
@@ -169,7 +171,7 @@ class Drive:
             mean_m_s = obeyed_m_s
         cycle_s = dt_s if dt_s >= pid.SHORTEST_S else state.cycle_s
         history = reference.remember(state.asked, Asked(dt_s, mean_m_s), measured_over_s + delay_s)
-        state = self._setpoints.step(state, target, now_s, apart)
+        state = self._setpoints.step(state, target, now_s, axes_independent)
         setpoint_m_s = state.setpoint_m_s
         if not any(setpoint_m_s) and is_rest(target):
             return self.halt(replace(state, cycle_s=cycle_s))

@@ -59,7 +59,7 @@ class _Settled(Struct, frozen=True):
     """A twist that was asked for and has been reached, and what follows from it."""
 
     target: Twist2D
-    apart: bool
+    axes_independent: bool
     limiter: LimiterState
     setpoint_m_s: tuple[float, ...]
     acceleration_m_s2: tuple[float, ...]
@@ -70,52 +70,54 @@ class Setpoints:
 
     def __init__(self, parameters: DriveParameters, limits: MotionLimits, kinematics: Kinematics) -> None:
         self._parameters, self._limits, self._kinematics = parameters, limits, kinematics
-        self._limits_apart = limits.model_copy(update={"keep_curvature": False})
+        self._limits_independent = limits.model_copy(update={"keep_curvature": False})
         self._limits_in_step = limits.model_copy(update={"keep_curvature": True})
         self._still = (0.0,) * len(kinematics.radii_m)
         self._settled: _Settled | None = None
 
-    def step(self, state: DriveState, target: Motion, now_s: float, apart: bool) -> DriveState:
-        """The state with the present setpoints; ``apart``: the path has no curvature to keep."""
+    def step(self, state: DriveState, target: Motion, now_s: float, axes_independent: bool) -> DriveState:
+        """The state with the present setpoints; ``axes_independent``: the path has no curvature to keep."""
         settled = self._settled
         if (
             settled is not None
             and state.limiter is settled.limiter
             and target == settled.target
-            and apart is settled.apart
+            and axes_independent is settled.axes_independent
             and state.saturation_scale == 1.0
             and not state.wheels_differ
         ):
             setpoint, acceleration = settled.setpoint_m_s, settled.acceleration_m_s2
             return replace(state, stepped_s=now_s, setpoint_m_s=setpoint, acceleration_m_s2=acceleration)
-        return self._approach(state, target, now_s, apart)
+        return self._approach(state, target, now_s, axes_independent)
 
-    def _approach(self, state: DriveState, target: Motion, now_s: float, apart: bool) -> DriveState:
+    def _approach(
+        self, state: DriveState, target: Motion, now_s: float, axes_independent: bool
+    ) -> DriveState:
         """The state on the way to a motion."""
         elapsed_s = 0.0 if state.stepped_s is None else max(0.0, now_s - state.stepped_s)
         dt_s = min(elapsed_s, MAX_STEP_S)
         if is_rest(target):
             state = replace(state, pids=tuple([pid.let_go(wheel) for wheel in state.pids]))
         if state.wheels_differ or isinstance(target, WheelVelocities):
-            return self._step_wheels(state, target, now_s, dt_s, apart)
+            return self._step_wheels(state, target, now_s, dt_s, axes_independent)
         asked = target
         target = self._kinematics.saturate(target, self._parameters.max_rim_speed_m_s)
         if state.saturation_scale < 1.0:
             target = Twist2D(
                 target.linear_m_s * state.saturation_scale, target.angular_rad_s * state.saturation_scale
             )
-        limits = self._limits_apart if apart else self._limits
+        limits = self._limits_independent if axes_independent else self._limits
         limiter = limit(limits, state.limiter, target, dt_s)
         setpoint = self._kinematics.rim_speeds_m_s(limiter.twist)
         acceleration = self._kinematics.rim_speeds_m_s(limiter.acceleration)
         if limiter is state.limiter and dt_s > 0 and state.saturation_scale == 1.0 and not is_rest(asked):
-            self._settled = _Settled(asked, apart, limiter, setpoint, acceleration)
+            self._settled = _Settled(asked, axes_independent, limiter, setpoint, acceleration)
         return replace(
             state, limiter=limiter, stepped_s=now_s, setpoint_m_s=setpoint, acceleration_m_s2=acceleration
         )
 
     def _step_wheels(
-        self, state: DriveState, target: Motion, now_s: float, dt_s: float, apart: bool
+        self, state: DriveState, target: Motion, now_s: float, dt_s: float, axes_independent: bool
     ) -> DriveState:
         """The twist that the wheels make as any other, and how the wheels of a side differ in step with it."""
         if dt_s <= 0:
@@ -126,8 +128,8 @@ class Setpoints:
             rims.minus(state.setpoint_m_s, rims_of(state.limiter.twist)),
             rims.minus(aims_m_s, rims_of(aim)),
         )
-        if apart or is_rest(target):
-            limiter = limit(self._limits_apart, state.limiter, aim, dt_s)
+        if axes_independent or is_rest(target):
+            limiter = limit(self._limits_independent, state.limiter, aim, dt_s)
             share, pace_s = 1.0, rims.pace_s(axis, differ, aims_differ)
         else:
             pace_s = rims.pace_s(axis, state.setpoint_m_s, aims_m_s)

@@ -23,19 +23,19 @@ EDITS_TIMEOUT_S: Final = 60.0
 
 def localization_of(context: Context[LocalizationSection]) -> Feature:
     """The feature that localizes, with its skill."""
-    feed, stored = context.of("worker", WorkerService), context.of("maps", MapsService)
+    worker_service, stored = context.of("worker", WorkerService), context.of("maps", MapsService)
     settings = context.settings
     parameters = LocalizationSkillParameters(
         lidars=context.section.lidars or tuple(lidar.name for lidar in settings.lidar),
         folder=map_folder(context),
         localization=context.section,
     )
-    feed.worker.add_own_skill(SKILL, parameters.model_dump_json().encode())
-    join_map_edits(feed.worker, context.of("map_edits", MapEditsService))
+    worker_service.worker.add_own_skill(SKILL, parameters.model_dump_json().encode())
+    join_map_edits(worker_service.worker, context.of("map_edits", MapEditsService))
     service = LocalizationService(
         context.bus,
         context.clock,
-        feed,
+        worker_service,
         context.parts.drive_as(TURNS_AS),
         turns_at_start=context.section.turn_at_start,
     )

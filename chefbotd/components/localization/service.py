@@ -102,13 +102,18 @@ class LocalizationService(StatefulPart[LocalizationState]):
         self,
         bus: Bus,
         clock: Clock,
-        feed: WorkerService,
+        worker_service: WorkerService,
         driver: InnerDriver | None = None,
         *,
         turns_at_start: bool = False,
     ) -> None:
         """``driver`` drives as the source navigation; ``turns_at_start``: it may turn before it was ever asked to."""
-        self._bus, self._clock, self._feed, self._worker = bus, clock, feed, feed.worker
+        self._bus, self._clock, self._worker_service, self._worker = (
+            bus,
+            clock,
+            worker_service,
+            worker_service.worker,
+        )
         self._entries, self._turning = inputs_of(clock), Turning(bus, clock, driver, self._report_progress)
         self._has_to_tell, self._has_told = StatefulEvent(), StatefulEvent()
         self._has_told.set()
@@ -270,7 +275,8 @@ class LocalizationService(StatefulPart[LocalizationState]):
         names = () if self.memory.map is None else (self.memory.map.name, self.memory.renamed_from)
         if not self.memory.is_mapping and (event.map is None or event.map in names):
             self.memory.pose = replace(
-                self._feed.in_odom(event), map=None if self.memory.map is None else self.memory.map.name
+                self._worker_service.in_odom(event),
+                map=None if self.memory.map is None else self.memory.map.name,
             )
             self._bus.publish(self.memory.pose)
 

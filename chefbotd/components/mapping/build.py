@@ -14,7 +14,7 @@ from chefbotd.features.feature import Feature
 
 def mapping_of(context: Context[MappingParameters]) -> Feature:
     """The feature that makes maps, with its skill."""
-    feed, maps = context.of("worker", WorkerService), context.of("maps", MapsService)
+    worker_service, maps = context.of("worker", WorkerService), context.of("maps", MapsService)
     settings = context.settings
     parameters = MappingSkillParameters(
         lidars=context.section.lidars or tuple(lidar.name for lidar in settings.lidar),
@@ -23,7 +23,7 @@ def mapping_of(context: Context[MappingParameters]) -> Feature:
         session=os.urandom(8).hex(),
         mapping=context.section,
     )
-    feed.worker.add_own_skill(SKILL, parameters.model_dump_json().encode())
-    service = MappingService(context.bus, context.clock, feed, maps.use_saved)
+    worker_service.worker.add_own_skill(SKILL, parameters.model_dump_json().encode())
+    service = MappingService(context.bus, context.clock, worker_service, maps.use_saved)
     maps.growing = service.grid
     return mapping(service)

@@ -59,19 +59,26 @@ class MappingService(StatefulPart[MappingState]):
         self,
         bus: Bus,
         clock: Clock,
-        feed: WorkerService,
+        worker_service: WorkerService,
         use_saved: Callable[[str], Awaitable[None]] | None = None,
     ) -> None:
         """``use_saved`` is called with the name of a map that was finished."""
         self._use_saved = use_saved
-        self._bus, self._clock, self._feed, self._worker = bus, inputs_of(clock), feed, feed.worker
+        self._bus, self._clock, self._worker_service, self._worker = (
+            bus,
+            inputs_of(clock),
+            worker_service,
+            worker_service.worker,
+        )
         self._has_to_resume = StatefulEvent()
         self.memory, self.parts = (
             MappingState(MappingChanged(stamp_s=0.0)),
             {"has_to_resume": self._has_to_resume},
         )
         self._worker.add_listener(SKILL, MappingChanged, self._publish_status)
-        self._worker.add_listener(SKILL, MapPoseUpdated, lambda event: bus.publish(feed.in_odom(event)))
+        self._worker.add_listener(
+            SKILL, MapPoseUpdated, lambda event: bus.publish(worker_service.in_odom(event))
+        )
         self._worker.add_listener(SKILL, MapChanged, bus.publish)
         self._worker.add_on_ready(self._has_to_resume.set)
 

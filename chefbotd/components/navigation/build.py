@@ -22,15 +22,19 @@ from chefbotd.settings import Settings
 
 def navigation_of(context: Context[NavigationSection]) -> list[Feature]:
     """The feature that drives to goals, with its skill; none where the robot has no such source of commands."""
-    feed, settings = context.of("worker", WorkerService), context.settings
+    worker_service, settings = context.of("worker", WorkerService), context.settings
     parameters = navigation_skill_parameters(settings, map_folder(context))
-    feed.worker.add_own_skill(SKILL, parameters.model_dump_json().encode())
-    join_localization(context.bus, feed.worker, context.of("localization", LocalizationService))
-    join_zones(feed.worker, context.of("zones", ZonesService), context.of("map_edits", MapEditsService))
+    worker_service.worker.add_own_skill(SKILL, parameters.model_dump_json().encode())
+    join_localization(context.bus, worker_service.worker, context.of("localization", LocalizationService))
+    join_zones(
+        worker_service.worker, context.of("zones", ZonesService), context.of("map_edits", MapEditsService)
+    )
     if context.driver is None:
         return []
     stored = context.of("maps", MapsService)
-    service = NavigationService(context.bus, context.clock, feed, context.driver, stored, context.section)
+    service = NavigationService(
+        context.bus, context.clock, worker_service, context.driver, stored, context.section
+    )
     return [navigation(service)]
 
 

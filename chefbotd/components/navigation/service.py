@@ -96,18 +96,18 @@ class NavigationService(StatefulPart[NavigationState]):
         self,
         bus: Bus,
         clock: Clock,
-        feed: WorkerService,
+        worker_service: WorkerService,
         driver: InnerDriver,
         places: Places,
         section: NavigationSection,
     ) -> None:
-        self._bus, self._clock, self._worker, self._driver = bus, clock, feed.worker, driver
+        self._bus, self._clock, self._worker, self._driver = bus, clock, worker_service.worker, driver
         self.section, self._entries = section, inputs_of(clock)
         self._destinations = Destinations(places, self._entries)
         self._requests, self._goals = RequestQueue(), Goals()
         self._reporting = Reporting(bus, clock)
         self.waits = WaitingRequests(self._entries, self._goals, self._reporting, self._end_given_up)
-        self.shown = ShownOnDemand(bus, feed.worker)
+        self.shown = ShownOnDemand(bus, worker_service.worker)
         self.memory = NavigationState(stops=driver.stops)
         self._handover = Handover(self._entries, self.memory, self._end_worker_lost)
         self.parts = {

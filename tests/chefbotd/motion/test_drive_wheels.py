@@ -87,7 +87,7 @@ def test_wheels_keep_the_acceleration_limits_of_the_robot(
     names = [wheel.name for wheel in chassis.wheels]
     kinematics, state, now_s = Kinematics(chassis), controller.at_rest, 0.0
     state = controller.retarget(state, STANDING, now_s)
-    for asked, steps_s, apart in story:
+    for asked, steps_s, axes_independent in story:
         target = (
             Twist2D(*asked)
             if isinstance(asked, tuple)
@@ -96,7 +96,7 @@ def test_wheels_keep_the_acceleration_limits_of_the_robot(
         for step_s in steps_s:
             was = kinematics.twist(turned(kinematics, state.setpoint_m_s))
             now_s += step_s
-            state = controller.retarget(state, target, now_s, apart=apart)
+            state = controller.retarget(state, target, now_s, axes_independent=axes_independent)
             now = kinematics.twist(turned(kinematics, state.setpoint_m_s))
             allowed_s = step_s + 1e-6
             assert seconds_needed(limits.linear.axis, was.linear_m_s, now.linear_m_s) <= allowed_s
