@@ -12,8 +12,8 @@ from chefbotd.motion.ramp import braking_distance
 from chefbotd.rpc.parameters import is_loopback
 from chefbotd.safety.guard import from_mounts
 from chefbotd.settings.model import Settings
+from chefbotd.settings.mounts import joint_names
 from chefbotd.settings.sections import check_components, check_strangers
-from chefbotd.settings.urdf import joint_names
 
 
 def check(settings: Settings) -> Iterator[str]:

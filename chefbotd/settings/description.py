@@ -20,7 +20,7 @@ from urdf_parser_py.xml_reflection.core import ParseError
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.motion.kinematics import ChassisParameters, Side, WheelParameters
 from chefbotd.settings.model import Settings
-from chefbotd.settings.urdf import Mount, mounts
+from chefbotd.settings.mounts import Mount, mounts
 
 Matrix = npt.NDArray[np.float64]
 

@@ -58,7 +58,7 @@ start.chefbotd()
 
 
 def test_the_first_stop_is_on_the_wire_before_what_takes_time_is_imported() -> None:
-    """No command line, no models, no loop, and less than a quarter of the modules of the daemon that is built."""
+    """No command line, no models, no loop, less than a quarter of the modules of the daemon that is built; no XML ever."""
     early, late = (
         subprocess.run(
             [sys.executable, "-c", LOADED % is_built],
@@ -72,6 +72,7 @@ def test_the_first_stop_is_on_the_wire_before_what_takes_time_is_imported() -> N
     assert {"click", "pydantic", "asyncio", "serial", "structlog", "numpy"} & set(early) == set()
     assert "chefbotd.link.early_stop" in early
     assert 4 * len(early) < len(late)
+    assert "xml.etree.ElementTree" not in late  # nobody has asked for the robot's description
 
 
 def test_a_daemon_on_a_real_robot_loads_no_simulator_and_nothing_else_that_it_does_not_use() -> None:
