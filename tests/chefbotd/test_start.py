@@ -58,7 +58,7 @@ start.chefbotd()
 
 
 def test_the_first_stop_is_on_the_wire_before_what_takes_time_is_imported() -> None:
-    """No command line, no models, no loop, less than a quarter of the modules of the daemon that is built; no XML ever."""
+    """No command line, no models, no loop, and less than a quarter of the modules of the daemon that is built."""
     early, late = (
         subprocess.run(
             [sys.executable, "-c", LOADED % is_built],
