@@ -73,18 +73,19 @@ class Disc(Record, frozen=True):
 
     def arc_angles(self, x: Floats, y: Floats, centre_m: float, *, left: bool) -> Floats:
         """By the law of cosines, in the triangle of origin, centre of the turn and point."""
-        from_centre = y - centre_m
+        angles, from_centre = np.full(len(x), np.inf), y - centre_m
         radius = np.hypot(x, from_centre)
         product = 2 * abs(centre_m) * radius
         cosine = (self.radius_m**2 - centre_m**2 - radius * radius) / np.maximum(product, 1e-12)
-        touches = (np.abs(cosine) <= 1) & (product > 1e-12)
-        half = np.arccos(np.clip(cosine, -1.0, 1.0))
+        (touching,) = ((np.abs(cosine) <= 1) & (product > 1e-12)).nonzero()  # few of a room's points
+        half = np.arccos(cosine[touching])
         outwards = math.copysign(math.pi / 2, centre_m)  # from the origin to the centre of the turn, and on
-        now = np.arctan2(from_centre, x)
+        now = np.arctan2(from_centre[touching], x[touching])
         # In the robot's frame the points turn the other way round than the robot does.
         sense = -1.0 if left else 1.0
         both = [(sense * (outwards + side * half - now)) % math.tau for side in (1.0, -1.0)]
-        return np.where(touches, np.minimum(*both), np.inf)
+        angles[touching] = np.minimum(*both)
+        return angles
 
 
 class Box(Record, frozen=True):
@@ -121,21 +122,26 @@ class Box(Record, frozen=True):
 
     def arc_angles(self, x: Floats, y: Floats, centre_m: float, *, left: bool) -> Floats:
         """To the first of its sides that the circle of the point crosses."""
-        from_centre = y - centre_m
+        angles, from_centre = np.full(len(x), np.inf), y - centre_m
+        to_flank_m = abs(centre_m) - self.half_width_m
+        nearest_m = to_flank_m if to_flank_m > 0 else min(-to_flank_m, self.half_length_m)
+        farthest_m = math.hypot(self.half_length_m, abs(centre_m) + self.half_width_m)
+        crossed = _on_ring(x, from_centre, nearest_m, farthest_m)
+        x, from_centre = x[crossed], from_centre[crossed]
         radius = np.maximum(np.hypot(x, from_centre), 1e-12)
         now = np.arctan2(from_centre, x)
         sense = -1.0 if left else 1.0
         touched, on_side = self._crossings(radius, centre_m)
-        angles = (sense * (touched - now)) % math.tau
-        best: Floats = np.where(on_side, angles, np.inf).min(axis=0)
-        return best
+        turned = (sense * (touched - now)) % math.tau
+        angles[crossed] = np.where(on_side, turned, np.inf).min(axis=0)
+        return angles
 
     def _crossings(self, radius: Floats, centre_m: float) -> tuple[Floats, NDArray[np.bool_]]:
         """Eight angles for each point at which its circle crosses a side's line, and whether that is on the side."""
         along_m, across_m = _sides(self.half_length_m, self.half_width_m)
         cosine, sine = along_m / radius, (across_m - centre_m) / radius
-        to_ends = np.arccos(np.clip(cosine, -1.0, 1.0))
-        to_flanks = np.arcsin(np.clip(sine, -1.0, 1.0))
+        to_ends = np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0))
+        to_flanks = np.arcsin(np.minimum(np.maximum(sine, -1.0), 1.0))
         angles = np.concatenate([to_ends, -to_ends, to_flanks, math.pi - to_flanks])
         end_y = np.sqrt(np.maximum(radius * radius - along_m * along_m, 0.0))
         flank_x = np.sqrt(np.maximum(radius * radius - (across_m - centre_m) ** 2, 0.0))
@@ -143,6 +149,16 @@ class Box(Record, frozen=True):
         above = ends & (np.abs(centre_m + end_y) <= self.half_width_m)
         below = ends & (np.abs(centre_m - end_y) <= self.half_width_m)
         return angles, np.concatenate([above, below, flanks, flanks])
+
+
+RING_MARGIN_M = 1e-6
+
+
+def _on_ring(x: Floats, from_centre: Floats, nearest_m: float, farthest_m: float) -> NDArray[np.intp]:
+    """The points whose way about the centre of a turn can meet the outline: most of a room's points never do."""
+    squared = x * x + from_centre * from_centre
+    low_m = max(nearest_m - RING_MARGIN_M, 0.0)
+    return ((squared >= low_m**2) & (squared <= (farthest_m + RING_MARGIN_M) ** 2)).nonzero()[0]
 
 
 @lru_cache(maxsize=8)

@@ -254,23 +254,26 @@ def _room_s(
     clearance_m = params.scan.clearance_m
     x, y = points_m[:, 0], points_m[:, 1]
     reach_m += outline.radius_m + 2 * clearance_m
-    close = np.flatnonzero((x * x + y * y) < reach_m * reach_m)
+    close = (x * x + y * y) < reach_m * reach_m
     x, y = x[close], y[close]
     outside_m = outline.distances(x, y)
-    around = outside_m > 0  # what is within the outline is the robot itself
-    x, y, outside_m = x[around], y[around], outside_m[around]
-    near = outside_m <= clearance_m
-    if near.any() and outline.closing_speed_m_s(x[near], y[near], twist).max() > CLOSING_M_S:
-        return -math.inf
-    x, y, grown = x[~near], y[~near], outline.grown(clearance_m)
+    if outside_m.min(initial=math.inf) <= clearance_m:
+        near = (outside_m > 0) & (outside_m <= clearance_m)  # what is within the outline is the robot itself
+        if near.any() and outline.closing_speed_m_s(x[near], y[near], twist).max() > CLOSING_M_S:
+            return -math.inf
+        beyond = outside_m > clearance_m
+        x, y = x[beyond], y[beyond]
     if not len(x):
         return math.inf
-    linear_m_s, angular_rad_s = twist.linear_m_s, twist.angular_rad_s
+    grown, linear_m_s, angular_rad_s = outline.grown(clearance_m), twist.linear_m_s, twist.angular_rad_s
     if abs(angular_rad_s) < STRAIGHT_RAD_S:
         way_m = grown.straight_ways(x, y, forward=linear_m_s > 0)
         return float(way_m.min() - stop_m) / abs(linear_m_s)
     centre_m = linear_m_s / angular_rad_s
     angle_rad = grown.arc_angles(x, y, centre_m, left=angular_rad_s > 0)
-    radius_m = np.hypot(x, y - centre_m)
+    (touching,) = (angle_rad < math.inf).nonzero()
+    if not len(touching):
+        return math.inf
+    radius_m = np.hypot(x[touching], y[touching] - centre_m)
     before_rad = stop_m / np.maximum(radius_m, 1e-3)
-    return float((angle_rad - before_rad).min()) / abs(angular_rad_s)
+    return float((angle_rad[touching] - before_rad).min()) / abs(angular_rad_s)
