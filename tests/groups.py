@@ -11,6 +11,7 @@ NEED_NAVIGATION = (
     "chefbotd/components/localization/algorithms",
     "chefbotd/components/mapping/algorithms/slam",
     "chefbotd/components/navigation/algorithms",
+    "chefbotd/components/simulation/test_compiled_beams.py",
     "chefbotd/components/worker/skills",
     "examples",
     "scenarios/test_navigation.py",

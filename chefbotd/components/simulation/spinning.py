@@ -29,6 +29,21 @@ BRIGHT, DIM, GLINT = 200, 40, 120
 """Intensities of a plain surface, a black one and glass (assumed)."""
 
 
+def interpolate_poses(at_s: Vector, trail: Vector) -> Vector:
+    """Where the robot was (n, 3: x, y, heading) at rising times, by ``np.interp``'s rule, in one piece.
+
+    ``trail`` has rows of time, x, y, heading, with rising times.
+    """
+    if len(trail) == 1:
+        return np.repeat(trail[:, 1:], len(at_s), axis=0)
+    step = trail[1:] - trail[:-1]
+    slope = step[:, 1:] / step[:, :1]
+    place = np.minimum(trail[1:-1, 0].searchsorted(at_s, side="right"), len(step) - 1)
+    since_s = np.minimum(np.maximum(at_s, trail[0, 0]), trail[-1, 0]) - trail[place, 0]
+    poses: Vector = slope[place] * since_s[:, None] + trail[place, 1:]
+    return poses
+
+
 class BeamReturns(Record, frozen=True):
     """The range of each beam in metres (inf: nothing comes back), and its intensity."""
 
@@ -42,25 +57,24 @@ class Sight:
     def __init__(self, scene: Scene, height_m: float, flaws: LidarFlaws) -> None:
         edges, material = scene.slice(height_m)
         glass = material == Material.GLASS
-        self._flaws = flaws
-        self._material = material[~glass]
-        self._opaque = RayCaster(edges[~glass], flaws.max_range_m)
-        self._glass = RayCaster(edges[glass], flaws.max_range_m) if glass.any() else None
+        self._flaws, self._opaque = flaws, int(np.count_nonzero(~glass))
+        self._black = material[~glass] == Material.BLACK
+        self._has_black = bool(self._black.any())
+        self._walls = RayCaster(np.concatenate((edges[~glass], edges[glass])), flaws.max_range_m)
 
     def cast_beams(self, origins: Vector, bearings_rad: Vector, discs: Vector) -> BeamReturns:
         """The echoes of beams from ``origins`` (B x 2), whose bearings in the world frame rise or fall."""
-        hits = self._opaque.cast(origins, bearings_rad)
+        hits, pane = self._walls.cast_apart(origins, bearings_rad, self._opaque)
         range_m, intensity = hits.range_m, np.full(len(bearings_rad), BRIGHT)
-        if len(self._material):
-            black = (hits.edge >= 0) & (self._material[hits.edge] == Material.BLACK)
+        if self._has_black:
+            black = (hits.edge >= 0) & self._black[hits.edge]
             intensity[black] = DIM
             range_m = np.where(black & (range_m > self._flaws.black_range_m), np.inf, range_m)
         if len(discs):
             to_disc_m = to_discs_m(origins, bearings_rad, discs)
             nearer = to_disc_m < hits.range_m
             range_m, intensity[nearer] = np.where(nearer, to_disc_m, range_m), BRIGHT
-        if self._glass is not None:
-            pane = self._glass.cast(origins, bearings_rad)
+        if pane is not None:
             mirrors = (pane.range_m < range_m) & (pane.square >= GLASS_SQUARE)
             range_m, intensity[mirrors] = np.where(mirrors, pane.range_m, range_m), GLINT
         return BeamReturns(range_m, intensity)
@@ -211,7 +225,7 @@ class SpinningLidar(ABC):
         return turned
 
     def _look(self, point_s: Vector, turned: Vector, trail: Vector, discs: Vector) -> BeamReturns:
-        x, y, base_rad = (np.interp(point_s, trail[:, 0], trail[:, column]) for column in (1, 2, 3))
+        x, y, base_rad = interpolate_poses(point_s, trail).T
         mount, cos, sin = self._mount.base_from_lidar, np.cos(base_rad), np.sin(base_rad)
         origins = np.empty((len(x), 2))
         origins[:, 0] = x + cos * mount.x_m - sin * mount.y_m

@@ -1,8 +1,9 @@
 """Walls and discs in the plane, which stop a round robot and a beam."""
 
 import math
+import sys
 from collections.abc import Iterable
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,10 @@ REFERENCE_M = 0.3
 """How far from the place of reference the spans still hold."""
 
 NOTHING = -1
-FLIP = np.array([1.0, -1.0])
+ALONG_A_WALL: Final = 1e-300
+"""In place of zero, where a beam runs along a wall; it changes no other sum."""
+
+COMPILER: Final = "chefbotd.components.worker.compiled"
 
 
 class Hits(Record, frozen=True):
@@ -29,40 +33,64 @@ class Hits(Record, frozen=True):
     square: Vector
 
 
+Nearest: TypeAlias = tuple[Vector, npt.NDArray[np.intp], Vector]
+"""For each beam the length, the column of the wall (``NOTHING``: none), and the cosine (1 where there is none)."""
+
+
+def find_nearest(walls: Vector, origins: Vector, cos: Vector, sin: Vector) -> Nearest:
+    """What beams meet first of walls (5 x S: x1, y1, x2 - x1, y2 - y1, length).
+
+    No sum of a beam and a wall depends on the others. ``compiled_beams`` has the same sums.
+    """
+    beams = np.arange(len(origins))
+    start_x, start_y, along_x, along_y, length_m = walls
+    cos, sin = cos[:, None], sin[:, None]
+    x, y = start_x - origins[:, :1], start_y - origins[:, 1:]
+    turn = cos * along_y - sin * along_x
+    turn += ALONG_A_WALL
+    reach_m = (x * along_y - y * along_x) / turn
+    share = (x * sin - y * cos) / turn
+    share -= 0.5
+    missed = np.abs(share, out=share) > 0.5
+    missed |= reach_m < 0
+    reach_m[missed] = np.inf
+    column = reach_m.argmin(axis=1)
+    range_m, square = reach_m[beams, column], np.abs(turn[beams, column]) / length_m[column]
+    nothing = range_m == np.inf
+    column[nothing], square[nothing] = NOTHING, 1.0
+    return range_m, column, square
+
+
 class RayCaster:
     """Beams against the same walls (S x 4: x1, y1, x2, y2) for as long as the place of reference is near."""
 
     def __init__(self, edges: Vector, reach_m: float) -> None:
         self._start, self._along = edges[:, :2], edges[:, 2:] - edges[:, :2]
         self._length = np.hypot(self._along[:, 0], self._along[:, 1])
+        self._walls = np.ascontiguousarray(np.column_stack((self._start, self._along, self._length)).T)
         self._reach_m = reach_m
         self._reference = np.array([math.inf, math.inf])
-        self._near = self._middle = self._half = np.zeros(0)
+        self._middle = self._half = np.zeros(0)
         self._number = np.zeros(0, np.intp)
+        self._find_nearest = find_nearest
 
     def cast(self, origins: Vector, bearings_rad: Vector) -> Hits:
         """Where beams end that leave from ``origins`` (B x 2) at rising or falling bearings of the world frame."""
-        count, chosen = len(bearings_rad), self._in_sight(origins, bearings_rad)
-        if not len(chosen):
+        return self.cast_apart(origins, bearings_rad, len(self._length))[0]
+
+    def cast_apart(self, origins: Vector, bearings_rad: Vector, panes_from: int) -> tuple[Hits, Hits | None]:
+        """The same, and where they pass the panes, which are the walls from this number on; None: there is none."""
+        number, cos, sin = self._in_sight(origins, bearings_rad), np.cos(bearings_rad), np.sin(bearings_rad)
+        split = int(number.searchsorted(panes_from))
+        hits = self._hits(number[:split], origins, cos, sin)
+        return hits, self._hits(number[split:], origins, cos, sin) if split < len(number) else None
+
+    def _hits(self, number: npt.NDArray[np.intp], origins: Vector, cos: Vector, sin: Vector) -> Hits:
+        if not len(number):
+            count = len(origins)
             return Hits(np.full(count, np.inf), np.full(count, NOTHING), np.ones(count))
-        rays = np.empty((count, 2))
-        rays[:, 0], rays[:, 1] = np.cos(bearings_rad), np.sin(bearings_rad)
-        start, along = self._start[chosen], self._along[chosen]
-        across = (along[:, ::-1] * FLIP).T
-        turn = rays @ across
-        turn[turn == 0] = 1e-300
-        wall_from_origin = (start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]) - origins @ across
-        reach = wall_from_origin / turn
-        side = rays[:, ::-1] * FLIP
-        offset = (origins * side).sum(axis=1)[:, None]
-        share = (side @ start.T - offset) / turn
-        missed = reach < 0
-        missed |= np.abs(share - 0.5) > 0.5
-        reach[missed] = np.inf
-        nearest, beams = reach.argmin(axis=1), np.arange(count)
-        range_m = reach[beams, nearest]
-        square = np.abs(turn[beams, nearest]) / self._length[chosen[nearest]]
-        return Hits(range_m, np.where(np.isfinite(range_m), chosen[nearest], NOTHING), square)
+        range_m, column, square = self._find_nearest(self._walls[:, number], origins, cos, sin)
+        return Hits(range_m, np.where(column == NOTHING, NOTHING, number[column]), square)
 
     def _in_sight(self, origins: Vector, bearings_rad: Vector) -> npt.NDArray[np.intp]:
         """The walls whose spans of bearings meet the sector of the beams."""
@@ -79,6 +107,12 @@ class RayCaster:
     def _refer(self, place: Vector) -> None:
         """Work out each wall's span of bearings as seen from about this place; those out of reach are passed over."""
         self._reference = place
+        if (
+            COMPILER in sys.modules
+        ):  # a worker that runs in this process has loaded it; nobody else waits for it
+            from chefbotd.components.simulation import compiled_beams
+
+            self._find_nearest = compiled_beams.find_nearest
         length_squared = np.maximum(self._length**2, 1e-12)
         share = np.clip(((place - self._start) * self._along).sum(axis=1) / length_squared, 0, 1)
         gap = self._start + share[:, None] * self._along - place
