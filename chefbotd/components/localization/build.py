@@ -52,4 +52,4 @@ def join_map_edits(worker: Worker, edits: MapEditsService) -> None:
         )
         return ""
 
-    edits.use = use
+    edits.file.use = use

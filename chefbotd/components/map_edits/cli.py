@@ -1,7 +1,6 @@
 """The commands ``chefbotctl map edit``: erase, draw, crop, straighten, and take each back."""
 
 import math
-from collections.abc import Sequence
 from typing import Any, Literal
 
 import click
@@ -9,10 +8,9 @@ import click
 from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
 from chefbotd.cli.common.context import CommandContext
+from chefbotd.components.maps.cli.drawing import ID, OF_MAP, POINTS, WIDTH, pair_points, say_saved, spans_of
 
-OF_MAP = click.option("--map", "of_map", help="Which map; default: the one in use.")
 YES = click.option("--yes", is_flag=True, help="Also where the robot or a place is left with no way.")
-NUMBERS = click.argument("numbers", metavar="X Y [X Y]...", type=finite, nargs=-1, required=True)
 ABSENT = "this daemon keeps no maps"
 
 
@@ -31,8 +29,7 @@ def list_command(context: CommandContext, of_map: str | None) -> None:
         [
             one.id,
             _kind(one),
-            _span([x_m for x_m, _ in one.points_m]),
-            _span([y_m for _, y_m in one.points_m]),
+            *spans_of(one.points_m),
         ]
         for one in listed.edits
     ]
@@ -45,12 +42,8 @@ def _kind(one: Any) -> str:
     return one.kind if one.to is None else f"erased to {one.to}"
 
 
-def _span(values_m: Sequence[float]) -> str:
-    return f"{min(values_m):.2f}…{max(values_m):.2f}"
-
-
 @edit.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
-@NUMBERS
+@POINTS
 @click.option("--unknown", is_flag=True, help="What is there becomes unknown; default: free.")
 @YES
 @OF_MAP
@@ -63,9 +56,8 @@ def erase(
 
 
 @edit.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
-@NUMBERS
-@click.option("--width", "width_m", type=click.FloatRange(0, 5, min_open=True), metavar="M",
-              help="How wide the wall is; default: 0.05.")  # fmt: skip
+@POINTS
+@WIDTH
 @YES
 @OF_MAP
 @click.pass_obj
@@ -81,7 +73,7 @@ def wall(
 
 
 @edit.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
-@NUMBERS
+@POINTS
 @YES
 @OF_MAP
 @click.pass_obj
@@ -100,9 +92,7 @@ def _draw(
     confirmed: bool,
     of_map: str | None,
 ) -> None:
-    if len(numbers) % 2:
-        raise click.UsageError(f"expected an X and a Y for each corner, got {len(numbers)} numbers")
-    points = tuple(zip(numbers[::2], numbers[1::2], strict=True))
+    points = pair_points(numbers)
     saved = context.run_with_client(
         lambda robot: robot.edit_map(
             kind, points, to=to, width_m=width_m, confirmed=confirmed, of_map=of_map
@@ -110,11 +100,7 @@ def _draw(
         absent=ABSENT,
     )
     own = "" if saved.edit is None else saved.edit.id
-    _say(context, saved, f"The map {saved.map} is edited; the edit's id is {own}.")
-
-
-def _say(context: CommandContext, saved: Any, text: str) -> None:
-    output.say(context.as_json, saved, text if saved.warning is None else f"{text} But {saved.warning}.")
+    say_saved(context, saved, f"The map {saved.map} is edited; the edit's id is {own}.")
 
 
 @edit.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
@@ -127,11 +113,11 @@ def view(context: CommandContext, degrees: float, of_map: str | None) -> None:
     saved = context.run_with_client(
         lambda robot: robot.turn_map_view(angle_rad, of_map=of_map), absent=ABSENT
     )
-    _say(context, saved, f"The map {saved.map} is shown turned by {degrees:g} degrees.")
+    say_saved(context, saved, f"The map {saved.map} is shown turned by {degrees:g} degrees.")
 
 
 @edit.command()
-@click.argument("id_", metavar="ID")
+@ID
 @YES
 @OF_MAP
 @click.pass_obj
@@ -140,7 +126,7 @@ def delete(context: CommandContext, id_: str, yes: bool, of_map: str | None) -> 
     saved = context.run_with_client(
         lambda robot: robot.delete_map_edit(id_, confirmed=yes, of_map=of_map), absent=ABSENT
     )
-    _say(context, saved, f"The edit {id_} is deleted.")
+    say_saved(context, saved, f"The edit {id_} is deleted.")
 
 
 @edit.command()
@@ -152,7 +138,7 @@ def undo(context: CommandContext, yes: bool, of_map: str | None) -> None:
     saved = context.run_with_client(
         lambda robot: robot.undo_map_edit(confirmed=yes, of_map=of_map), absent=ABSENT
     )
-    _say(context, saved, f"The map {saved.map} is as before its last change.")
+    say_saved(context, saved, f"The map {saved.map} is as before its last change.")
 
 
 @edit.command()
@@ -164,4 +150,4 @@ def redo(context: CommandContext, yes: bool, of_map: str | None) -> None:
     saved = context.run_with_client(
         lambda robot: robot.redo_map_edit(confirmed=yes, of_map=of_map), absent=ABSENT
     )
-    _say(context, saved, f"The map {saved.map} is changed again.")
+    say_saved(context, saved, f"The map {saved.map} is changed again.")

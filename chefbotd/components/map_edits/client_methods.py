@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 from chefbotd.client.caller import MethodCaller
+from chefbotd.components.maps.client_methods import round_points
 
 if TYPE_CHECKING:
     from chefbotd.client import models
@@ -42,7 +43,7 @@ class MapEditMethods(MethodCaller):
             "MapEditsSaved",
             "edit_map",
             kind=kind,
-            points_m=[[round(float(value), 4) for value in point] for point in points_m],
+            points_m=round_points(points_m),
             to=to,
             width_m=width_m,
             revision=revision,

@@ -9,7 +9,7 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field, ValidationError, model_validator
 
-from chefbotd.components.maps.storage.places import FARTHEST_M
+from chefbotd.components.maps.outlines import WALL_WIDTH_M, Point
 from chefbotd.core.parameters import Parameters
 
 EDITS: Final = "edits.json"
@@ -23,14 +23,9 @@ MOST_STATES: Final = 50
 LARGEST_BYTES: Final = 200_000
 """Of the file, so that a change takes some 30 ms, in a thread."""
 
-WALL_WIDTH_M: Final = 0.05
-"""Of a drawn wall that says nothing of its width: a cell of most maps."""
-
 MOST_ANGLE_RAD: Final = 3.1416
 MOST_PROBLEMS: Final = 5
 
-Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
-Point: TypeAlias = tuple[Coordinate, Coordinate]
 Corners = Annotated[tuple[Point, ...], Field(min_length=3, max_length=MOST_POINTS)]
 
 

@@ -8,28 +8,28 @@ from pydantic import Field, model_validator
 from chefbotd.components.map_edits.edit_file import (
     MOST_ANGLE_RAD,
     MOST_POINTS,
-    WALL_WIDTH_M,
     Crop,
     DrawWall,
     Erase,
     MapEdit,
 )
 from chefbotd.components.map_edits.events import MapEdited
+from chefbotd.components.maps.drawn_models import (
+    CONFIRMED,
+    WIDTH,
+    PointPair,
+    id_field,
+    points_field,
+    require_outline,
+    revision_field,
+)
 from chefbotd.components.maps.models import OfMapParams
-from chefbotd.components.maps.storage.places import FARTHEST_M
+from chefbotd.components.maps.outlines import WALL_WIDTH_M
 from chefbotd.core.record import Record
 from chefbotd.rpc.topics import Topic, same_names
 
 EditKind: TypeAlias = Literal["erase", "wall", "crop"]
-REVISION = Field(
-    None,
-    max_length=64,
-    description="of the edits that were read; if they were changed meanwhile, the request is refused",
-    examples=[None],
-)
-CONFIRMED = Field(False, description="what it would do to the robot, to places or to the way there is meant")
-Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
-PointPair = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+REVISION = revision_field("edits")
 
 
 class ChangeEditsParams(OfMapParams):
@@ -42,7 +42,7 @@ class ChangeEditsParams(OfMapParams):
 class MapEditId(ChangeEditsParams):
     """An edit of a map."""
 
-    id: str = Field(min_length=1, max_length=64, description="an edit's id")
+    id: str = id_field("an edit")
 
 
 class EditMapParams(ChangeEditsParams):
@@ -52,22 +52,12 @@ class EditMapParams(ChangeEditsParams):
     to: Literal["free", "unknown"] | None = Field(
         None, description="what is erased becomes this; free, if nothing is given", examples=[None]
     )
-    points_m: list[PointPair] = Field(
-        min_length=2,
-        max_length=MOST_POINTS,
-        description="at least three for an area",
-        examples=[[[1.0, 2.0], [3.0, 2.0], [3.0, 2.8]]],
-    )
-    width_m: float | None = Field(
-        None, gt=0, le=5, description=f"of a wall; if none is given, {WALL_WIDTH_M} m", examples=[None]
-    )
+    points_m: list[PointPair] = points_field(MOST_POINTS)
+    width_m: float | None = WIDTH
 
     @model_validator(mode="after")
     def _fits_its_kind(self) -> "EditMapParams":
-        if self.kind != "wall" and len(self.points_m) < 3:
-            raise ValueError(f"expected at least three corners for an area, got {len(self.points_m)}")
-        if self.kind != "wall" and self.width_m is not None:
-            raise ValueError("expected width_m for a wall alone")
+        require_outline(self.kind, self.points_m, self.width_m)
         if self.kind != "erase" and self.to is not None:
             raise ValueError("expected to for what is erased alone")
         return self

@@ -1,8 +1,7 @@
 """The edits of stored maps in the daemon: one change at a time, each shown and driven by at once."""
 
-import hashlib
 import zlib
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Callable
 from typing import Final
 
 from chefbotd.bus import Bus
@@ -31,7 +30,7 @@ from chefbotd.components.map_edits.models import (
     TurnMapViewParams,
     edit_data,
 )
-from chefbotd.components.maps.drawn_file import DrawnFile, Use
+from chefbotd.components.maps.drawn_file import DrawnFile, make_id
 from chefbotd.components.maps.models import OfMapParams
 from chefbotd.components.maps.outlines import why_no_area
 from chefbotd.components.maps.parts import Redraw
@@ -39,32 +38,23 @@ from chefbotd.components.maps.service import MapsService
 from chefbotd.components.maps.storage.disk import MapStoreError
 from chefbotd.components.maps.storage.manifest import Extent
 from chefbotd.components.maps.storage.store import revision_of
-from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.sentence import Sentence, join_sentences
+from chefbotd.core.commands import RefusalKind
+from chefbotd.core.sentence import Sentence
 from chefbotd.features.feature import Feature
-from chefbotd.inputs import inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.parameters import Role
 
-Places = Mapping[str, tuple[float, float]]
 Change = Callable[[MapEdits], MapEdits]
 COMPRESSION: Final = 6
 
 
 class MapEditsService:
-    """The edits of stored maps.
-
-    ``examine`` says what these edits would do to the robot, to the places of the map in use and to the way there;
-    navigation sets it. ``use`` has localization read them again, and says why it cannot.
-    """
+    """The edits of stored maps, in a ``file`` beside each."""
 
     def __init__(self, bus: Bus, clock: Clock, maps: MapsService) -> None:
-        self._bus, self._clock, self._maps = bus, clock, maps
-        self._entries = inputs_of(clock)
-        self._file = DrawnFile(clock, maps, EDITS, "edits")
-        self.examine: Callable[[bytes, Places], Awaitable[tuple[str, ...]]] | None = None
-        self.use: Use | None = None
+        self._maps = maps
+        self.file = DrawnFile(bus, clock, maps, EDITS, "edits", MapEdited)
         maps.redraw_with(Redraw(EDITS, redraw_cells))
 
     @method(role=Role.OBSERVE)
@@ -73,8 +63,8 @@ class MapEditsService:
     ) -> MapEditList:
         """The edits of a map: what was erased, which walls were drawn, and to what it was cropped."""
         name = self._maps.named(params.map)
-        content = await self._file.read(name)
-        edits = await self._file.compute_in_thread(lambda: _parsed(content, name))
+        content = await self.file.read(name)
+        edits = await self.file.compute_in_thread(lambda: _parsed(content, name))
         return MapEditList(
             map=name,
             revision=revision_of(content),
@@ -98,11 +88,11 @@ class MapEditsService:
                     RefusalKind.OUT_OF_RANGE,
                     Sentence("map_edits.no_area", "this is no area: {why}", why=reason),
                 )
-            own, edit = _new_id(edits, params), params.edit()
+            own, edit = make_id(write_edits(edits).decode(), params.model_dump_json()), params.edit()
             saved = edit_data(own, edit)
             return with_edit(edits, own, edit)
 
-        made = await self._file.in_order(lambda: self._apply(params, changed))
+        made = await self.file.in_order(lambda: self._apply(params, changed))
         return MapEditsSaved(map=made.map, revision=made.revision, edit=saved, warning=made.warning)
 
     @method(role=Role.DRIVE, moves=False)
@@ -110,7 +100,7 @@ class MapEditsService:
         self, caller: Caller, params: TurnMapViewParams, progress: ProgressReporter
     ) -> MapEditsSaved:
         """Turn the view of a map; its frame, its places, its zones and all that is driven by stay as they are."""
-        return await self._file.in_order(
+        return await self.file.in_order(
             lambda: self._change_edits(params, lambda edits: with_view_angle(edits, params.angle_rad))
         )
 
@@ -135,7 +125,7 @@ class MapEditsService:
                 )
             return without_edit(edits, params.id)
 
-        return await self._file.in_order(lambda: self._apply(params, changed))
+        return await self.file.in_order(lambda: self._apply(params, changed))
 
     @method(role=Role.DRIVE, moves=False)
     async def undo_map_edit(
@@ -151,7 +141,7 @@ class MapEditsService:
                 )
             return step_back(edits)
 
-        return await self._file.in_order(lambda: self._apply(params, changed))
+        return await self.file.in_order(lambda: self._apply(params, changed))
 
     @method(role=Role.DRIVE, moves=False)
     async def redo_map_edit(
@@ -167,7 +157,7 @@ class MapEditsService:
                 )
             return step_forward(edits)
 
-        return await self._file.in_order(lambda: self._apply(params, changed))
+        return await self.file.in_order(lambda: self._apply(params, changed))
 
     async def _apply(self, params: ChangeEditsParams, change: Change) -> MapEditsSaved:
         """Make a change; one that is not confirmed, only if it does nothing that may not be meant."""
@@ -176,26 +166,12 @@ class MapEditsService:
     async def _change_edits(
         self, params: ChangeEditsParams | TurnMapViewParams, change: Change, *, asks: bool = False
     ) -> MapEditsSaved:
-        name = self._maps.named(params.map)
-        content = await self._file.read(name)
-        self._file.require_revision(content, params.revision)
-        new, is_redrawn = await self._file.compute_in_thread(lambda: _change_content(content, name, change))
+        name, content = await self.file.read_for_change(params.map, params.revision)
+        new, is_redrawn = await self.file.compute_in_thread(lambda: _change_content(content, name, change))
         if asks and is_redrawn:
-            await self._examine(name, new)
-        await self._file.replace(name, content, new)
-        revision = revision_of(new)
-        self._entries.observe(self._bus, MapEdited(self._clock.now_s(), name, revision))
-        warning = await self._file.why_unused(name, self.use) if is_redrawn else ""
-        return MapEditsSaved(map=name, revision=revision, warning=warning or None)
-
-    async def _examine(self, name: str, edits: bytes) -> None:
-        """Refuse what would do something that may not be meant."""
-        if self.examine is None or name != self._maps.in_use:
-            return
-        listed = await self._maps.places(name)
-        places = {place.name: (place.x_m, place.y_m) for place in listed.places}
-        if concerns := await self.examine(edits, places):
-            raise Refused(RefusalKind.NEEDS_CONFIRMATION, join_sentences(concerns))
+            await self.file.require_meant(name, new)
+        revision, warning = await self.file.save_change(name, content, new, is_visible=is_redrawn)
+        return MapEditsSaved(map=name, revision=revision, warning=warning)
 
 
 def redraw_cells(cells: bytes, extent: Extent, content: bytes) -> bytes:
@@ -242,12 +218,6 @@ def _parsed(content: bytes | None, name: str) -> MapEdits:
                 why=error,
             ),
         ) from error
-
-
-def _new_id(edits: MapEdits, params: EditMapParams) -> str:
-    """An id that no other remembered edit has, the same whenever the same is done again."""
-    drawn = f"{write_edits(edits).decode()} {params.model_dump_json()}"
-    return hashlib.sha256(drawn.encode()).hexdigest()[:8]
 
 
 def map_edits(service: MapEditsService) -> Feature:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import zlib
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 from chefbotd.client.caller import MethodCaller, drop_defaults, parse
@@ -13,6 +14,11 @@ from chefbotd.components.maps.map_image import MapImage
 
 if TYPE_CHECKING:
     from chefbotd.client import models
+
+
+def round_points(points_m: Sequence[Sequence[float]]) -> list[list[float]]:
+    """Points as they are sent: to a tenth of a millimetre, so that 150 of them fit into a request."""
+    return [[round(float(value), 4) for value in point] for point in points_m]
 
 
 class MapMethods(MethodCaller):

@@ -35,6 +35,11 @@ def build(context: "Context[MapsParameters | None]") -> "Feature":
     return maps_of(context, makes_maps=makes_maps(context.settings))
 
 
+def keeps_maps(section: object, settings: Any) -> bool:
+    """Whether this robot keeps maps: what stands beside them is enabled then."""
+    return COMPONENT.is_enabled(getattr(settings, "maps", None), settings)
+
+
 COMPONENT = Component(
     name="maps",
     api=API_VERSION,

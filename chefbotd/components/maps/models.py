@@ -7,7 +7,8 @@ from msgspec import Meta
 from msgspec.structs import asdict
 from pydantic import Field, model_validator
 
-from chefbotd.components.maps.storage.places import FARTHEST_M, MOST_NOTE, PlaceKind
+from chefbotd.components.maps.outlines import FARTHEST_M
+from chefbotd.components.maps.storage.places import MOST_NOTE, PlaceKind
 from chefbotd.core.grid_patch import GridPatch
 from chefbotd.core.record import Record
 from chefbotd.rpc.models import Params

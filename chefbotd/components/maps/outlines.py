@@ -1,10 +1,19 @@
-"""Whether a drawn outline is an area: its edges cross nowhere, and it has some size. Loads no numpy."""
+"""Outlines that are drawn on a map: their points, and whether they are areas. Loads no numpy."""
 
 from collections.abc import Sequence
 from itertools import combinations
-from typing import TypeAlias
+from typing import Annotated, Final, TypeAlias
 
-Point: TypeAlias = tuple[float, float]
+from pydantic import Field
+
+FARTHEST_M: Final = 1e6
+"""From the origin of a map: farther is a slip of the finger."""
+
+WALL_WIDTH_M: Final = 0.05
+"""Of a drawn wall that says nothing of its width: a cell of most maps."""
+
+Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
+Point: TypeAlias = tuple[Coordinate, Coordinate]
 
 LEAST_AREA_M2 = 1e-4
 """A square centimetre: less is a slip of the hand."""

@@ -55,6 +55,6 @@ def join_zones(worker: Worker, zones: ZonesService, edits: MapEditsService) -> N
         checked = await worker.request(SKILL, UseZones(), MapChecked, deadline_s=TIMEOUT_S, is_replayed=False)
         return checked.problem
 
-    zones.examine = lambda drawn, places: examine(Examine(dict(places), zones=drawn))
-    edits.examine = lambda drawn, places: examine(Examine(dict(places), edits=drawn))
-    zones.use = use
+    zones.file.examine = lambda drawn, places: examine(Examine(dict(places), zones=drawn))
+    edits.file.examine = lambda drawn, places: examine(Examine(dict(places), edits=drawn))
+    zones.file.use = use

@@ -1,6 +1,5 @@
 """The commands ``chefbotctl zones``: list, draw, switch and delete the zones of a map."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,8 @@ from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError, require
 from chefbotd.client import Client
+from chefbotd.components.maps.cli.drawing import ID, OF_MAP, POINTS, WIDTH, pair_points, say_saved, spans_of
 
-OF_MAP = click.option("--map", "of_map", help="Which map; default: the one in use.")
 YES = click.option("--yes", is_flag=True, help="Also where it covers the robot or a place, or cuts one off.")
 ABSENT = "this daemon keeps no zones: its robot makes no maps"
 
@@ -33,8 +32,7 @@ def list_command(context: CommandContext, of_map: str | None) -> None:
             zone.id,
             _kind(zone),
             zone.name,
-            _span([x_m for x_m, _ in zone.points_m]),
-            _span([y_m for _, y_m in zone.points_m]),
+            *spans_of(zone.points_m),
             "yes" if zone.enabled else "no",
         ]
         for zone in listed.zones
@@ -47,18 +45,13 @@ def _kind(zone: Any) -> str:
     return f"{zone.max_speed_m_s:g} m/s" if zone.kind == "slow" else zone.kind.replace("_", " ")
 
 
-def _span(values_m: Sequence[float]) -> str:
-    return f"{min(values_m):.2f}…{max(values_m):.2f}"
-
-
 @zones.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
 @click.argument("name")
-@click.argument("numbers", metavar="X Y [X Y]...", type=finite, nargs=-1, required=True)
+@POINTS
 @click.option("--slow", "max_speed_m_s", type=click.FloatRange(0, 10, min_open=True), metavar="M_S",
               help="A slow zone: no faster than this in it.")  # fmt: skip
 @click.option("--wall", is_flag=True, help="A wall along these points.")
-@click.option("--width", "width_m", type=click.FloatRange(0, 5, min_open=True), metavar="M",
-              help="How wide the wall is; default: 0.05.")  # fmt: skip
+@WIDTH
 @YES
 @OF_MAP
 @click.pass_obj
@@ -73,11 +66,9 @@ def add(
     of_map: str | None,
 ) -> None:
     """Draw a zone NAME with these corners, in metres of the map; not to be entered, if nothing else is said."""
-    if len(numbers) % 2:
-        raise click.UsageError(f"expected an X and a Y for each corner, got {len(numbers)} numbers")
+    points = pair_points(numbers)
     if wall and max_speed_m_s is not None:
         raise click.UsageError("a wall has no speed: --wall or --slow, not both")
-    points = tuple(zip(numbers[::2], numbers[1::2], strict=True))
     kind: Any = "wall" if wall else "keep_out" if max_speed_m_s is None else "slow"
     saved = context.run_with_client(
         lambda robot: robot.save_zone(
@@ -92,7 +83,7 @@ def add(
         absent=ABSENT,
     )
     own = "" if saved.zone is None else saved.zone.id
-    output.say(context.as_json, saved, _with_warning(f"The zone {name} is drawn; its id is {own}.", saved))
+    say_saved(context, saved, f"The zone {name} is drawn; its id is {own}.")
 
 
 @zones.command("import", context_settings=NUMBERS_MAY_BE_NEGATIVE)
@@ -130,42 +121,38 @@ def import_command(
     notes = "".join(f" Note: {note}." for note in read.notes)
     count = f"{len(read.zones)} {'zone' if len(read.zones) == 1 else 'zones'}"
     text = f"{count} of {mask.name} drawn on the map {saved.map}."
-    output.say(context.as_json, saved, _with_warning(text, saved) + notes)
-
-
-def _with_warning(text: str, saved: Any) -> str:
-    return text if saved.warning is None else f"{text} But {saved.warning}."
+    say_saved(context, saved, text, notes)
 
 
 @zones.command()
-@click.argument("id_", metavar="ID")
+@ID
 @OF_MAP
 @click.pass_obj
 def delete(context: CommandContext, id_: str, of_map: str | None) -> None:
     """Delete the zone ID."""
     saved = context.run_with_client(lambda robot: robot.delete_zone(id_, of_map=of_map), absent=ABSENT)
-    output.say(context.as_json, saved, _with_warning(f"The zone {id_} is deleted.", saved))
+    say_saved(context, saved, f"The zone {id_} is deleted.")
 
 
 @zones.command()
-@click.argument("id_", metavar="ID")
+@ID
 @YES
 @OF_MAP
 @click.pass_obj
 def on(context: CommandContext, id_: str, yes: bool, of_map: str | None) -> None:
     """Have the zone ID count."""
     saved = context.run_with_client(lambda robot: _switch(robot, id_, True, yes, of_map), absent=ABSENT)
-    output.say(context.as_json, saved, _with_warning(f"The zone {id_} counts.", saved))
+    say_saved(context, saved, f"The zone {id_} counts.")
 
 
 @zones.command()
-@click.argument("id_", metavar="ID")
+@ID
 @OF_MAP
 @click.pass_obj
 def off(context: CommandContext, id_: str, of_map: str | None) -> None:
     """Keep the zone ID, and have it not count."""
     saved = context.run_with_client(lambda robot: _switch(robot, id_, False, False, of_map), absent=ABSENT)
-    output.say(context.as_json, saved, _with_warning(f"The zone {id_} does not count.", saved))
+    say_saved(context, saved, f"The zone {id_} does not count.")
 
 
 async def _switch(robot: Client, id_: str, enabled: bool, confirmed: bool, of_map: str | None) -> Any:
@@ -192,4 +179,4 @@ async def _switch(robot: Client, id_: str, enabled: bool, confirmed: bool, of_ma
 def undo(context: CommandContext, of_map: str | None) -> None:
     """Take the last change back; done again, it is made again."""
     saved = context.run_with_client(lambda robot: robot.undo_zones(of_map=of_map), absent=ABSENT)
-    output.say(context.as_json, saved, _with_warning(f"The zones of {saved.map} are as before.", saved))
+    say_saved(context, saved, f"The zones of {saved.map} are as before.")

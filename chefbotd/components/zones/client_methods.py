@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from chefbotd.client.caller import MethodCaller
 from chefbotd.client.errors import CallError
+from chefbotd.components.maps.client_methods import round_points
 
 if TYPE_CHECKING:
     from chefbotd.client import models
@@ -47,7 +48,7 @@ class ZoneMethods(MethodCaller):
         saved: models.ZonesSaved = await self._ask(
             "ZonesSaved",
             "save_zone",
-            points_m=[[round(float(value), 4) for value in point] for point in points_m],
+            points_m=round_points(points_m),
             id=id,
             kind=kind,
             name=name,

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from chefbotd.component import API_VERSION, Component, PagePart
-from chefbotd.components.maps.component import COMPONENT as MAPS
+from chefbotd.components.maps.component import keeps_maps
 
 if TYPE_CHECKING:
     from chefbotd.component_context import Context
@@ -22,7 +22,7 @@ COMPONENT = Component(
     name="zones",
     api=API_VERSION,
     build=build,
-    is_enabled=lambda section, settings: MAPS.is_enabled(getattr(settings, "maps", None), settings),
+    is_enabled=keeps_maps,
     events=("chefbotd.components.zones.events:ZonesChanged",),
     client_methods=("chefbotd.components.zones.client_methods:ZoneMethods",),
     page=(PagePart("chefbotd.components.zones", "page/card.js", panel="map", order=50),),

@@ -5,11 +5,19 @@ from typing import Annotated, Any, Literal, TypeAlias
 from msgspec import Meta
 from pydantic import Field, model_validator
 
+from chefbotd.components.maps.drawn_models import (
+    CONFIRMED,
+    WIDTH,
+    PointPair,
+    id_field,
+    points_field,
+    require_outline,
+    revision_field,
+)
 from chefbotd.components.maps.models import OfMapParams
+from chefbotd.components.maps.outlines import WALL_WIDTH_M
 from chefbotd.components.zones.events import ZonesChanged
 from chefbotd.components.zones.zone_file import (
-    FARTHEST_M,
-    WALL_WIDTH_M,
     AnyZone,
     SlowZone,
     Wall,
@@ -29,21 +37,13 @@ MOST_ADDED_POINTS = 5000
 """Of all zones of a request."""
 
 ZoneKind: TypeAlias = Literal["keep_out", "slow", "wall"]
-REVISION = Field(
-    None,
-    max_length=64,
-    description="of the zones that were read; if they were changed meanwhile, the request is refused",
-    examples=[None],
-)
-CONFIRMED = Field(False, description="what it would do to the robot, to places or to the way there is meant")
-Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
-PointPair = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+REVISION = revision_field("zones")
 
 
 class ZoneId(OfMapParams):
     """A zone of a map."""
 
-    id: str = Field(min_length=1, max_length=64, description="a zone's id")
+    id: str = id_field("a zone")
     revision: str | None = REVISION
 
 
@@ -59,27 +59,17 @@ class ZoneShape(Params):
     kind: ZoneKind = Field("keep_out", description="not to be entered, to be driven slowly in, or a wall")
     name: str = Field("", max_length=100, description="for people")
     enabled: bool = Field(True, description="false: it is kept, and does not count")
-    points_m: list[PointPair] = Field(
-        min_length=2,
-        max_length=MOST_POINTS,
-        description="at least three for an area",
-        examples=[[[1.0, 2.0], [3.0, 2.0], [3.0, 2.8]]],
-    )
+    points_m: list[PointPair] = points_field(MOST_POINTS)
     max_speed_m_s: float | None = Field(
         None, gt=0, le=10, description="of a slow zone, which needs it", examples=[None]
     )
-    width_m: float | None = Field(
-        None, gt=0, le=5, description=f"of a wall; if none is given, {WALL_WIDTH_M} m", examples=[None]
-    )
+    width_m: float | None = WIDTH
 
     @model_validator(mode="after")
     def _fits_its_kind(self) -> "ZoneShape":
-        if self.kind != "wall" and len(self.points_m) < 3:
-            raise ValueError(f"expected at least three corners for an area, got {len(self.points_m)}")
+        require_outline(self.kind, self.points_m, self.width_m)
         if (self.kind == "slow") != (self.max_speed_m_s is not None):
             raise ValueError("expected max_speed_m_s for a slow zone, and for no other")
-        if self.kind != "wall" and self.width_m is not None:
-            raise ValueError("expected width_m for a wall alone")
         return self
 
     def zone(self, own: str) -> AnyZone:

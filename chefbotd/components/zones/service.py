@@ -1,12 +1,11 @@
 """Zones in the daemon: read and changed one change at a time, and used by navigation at once."""
 
 import asyncio
-import hashlib
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.components.maps.drawn_file import DrawnFile, Use
+from chefbotd.components.maps.drawn_file import DrawnFile, make_id
 from chefbotd.components.maps.models import OfMapParams
 from chefbotd.components.maps.outlines import why_no_area
 from chefbotd.components.maps.service import MapsService
@@ -35,37 +34,27 @@ from chefbotd.components.zones.zone_file import (
     without_zone,
     write_zones,
 )
-from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.sentence import Sentence, join_sentences
+from chefbotd.core.commands import RefusalKind
+from chefbotd.core.sentence import Sentence
 from chefbotd.features.feature import Feature
-from chefbotd.inputs import inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.parameters import Role
 
-Places = Mapping[str, tuple[float, float]]
-
 
 class ZonesService:
-    """The zones of stored maps.
-
-    ``examine`` says what a file of zones would do to the robot, to the places of the map in use and to the way there;
-    ``use`` has navigation read them again, and says why it cannot. Navigation sets both, where there is one.
-    """
+    """The zones of stored maps, in a ``file`` beside each."""
 
     def __init__(self, bus: Bus, clock: Clock, maps: MapsService) -> None:
-        self._bus, self._clock, self._maps = bus, clock, maps
-        self._entries = inputs_of(clock)
-        self._file = DrawnFile(clock, maps, ZONES, "zones", ZONES_BEFORE)
+        self._maps = maps
+        self.file = DrawnFile(bus, clock, maps, ZONES, "zones", ZonesChanged, ZONES_BEFORE)
         self._parsing, self._parsed = asyncio.Lock(), (b"", NO_ZONES)
-        self.examine: Callable[[bytes, Places], Awaitable[tuple[str, ...]]] | None = None
-        self.use: Use | None = None
 
     @method(role=Role.OBSERVE, for_guests=True)
     async def list_zones(self, caller: Caller, params: OfMapParams, progress: ProgressReporter) -> ZoneList:
         """The zones of a map: where navigation must not go, and where it goes slowly."""
         name = self._maps.named(params.map)
-        content = await self._file.read(name)
+        content = await self.file.read(name)
         before = await self._maps.read_beside(name, ZONES_BEFORE)
         zones = await self._parse(content, name)
         rows = tuple(zone_data(own, zone) for own, zone in zones.named())
@@ -89,11 +78,11 @@ class ZonesService:
             ids = {name for name, _ in zones.named()}
             if params.id is not None:
                 _require_known(params.id, ids)
-            own = params.id or _new_id(revision, params)
+            own = params.id or make_id(revision, params.model_dump_json())
             return _checked(lambda: with_zones(zones, {own: params.zone(own)}))
 
         asked = params.enabled and not params.confirmed
-        saved = await self._file.in_order(lambda: self._apply(params, changed, asks=asked))
+        saved = await self.file.in_order(lambda: self._apply(params, changed, asks=asked))
         return ZonesSaved(
             map=saved.map,
             revision=saved.revision,
@@ -109,11 +98,12 @@ class ZonesService:
 
         def changed(zones: Zones, revision: str) -> Zones:
             _require_areas(params.zones)
-            ids = [_new_id(f"{revision} {number}", shape) for number, shape in enumerate(params.zones)]
+            shapes = enumerate(params.zones)
+            ids = [make_id(revision, str(number), shape.model_dump_json()) for number, shape in shapes]
             drawn = {own: shape.zone(own) for own, shape in zip(ids, params.zones, strict=True)}
             return _checked(lambda: with_zones(zones, drawn))
 
-        return await self._file.in_order(
+        return await self.file.in_order(
             lambda: self._apply(params, changed, asks=not params.confirmed, continued=params.continued)
         )
 
@@ -125,19 +115,17 @@ class ZonesService:
             _require_known(params.id, {name for name, _ in zones.named()})
             return without_zone(zones, params.id)
 
-        return await self._file.in_order(lambda: self._apply(params, changed))
+        return await self.file.in_order(lambda: self._apply(params, changed))
 
     @method(role=Role.DRIVE, moves=False)
     async def undo_zones(
         self, caller: Caller, params: ChangeZonesParams, progress: ProgressReporter
     ) -> ZonesSaved:
         """Take the last change of a map's zones back, to the byte; done again, it is made again."""
-        return await self._file.in_order(lambda: self._undo(params))
+        return await self.file.in_order(lambda: self._undo(params))
 
     async def _undo(self, params: ChangeZonesParams) -> ZonesSaved:
-        name = self._maps.named(params.map)
-        content = await self._file.read(name)
-        self._file.require_revision(content, params.revision)
+        name, content = await self.file.read_for_change(params.map, params.revision)
         before = await self._maps.read_beside(name, ZONES_BEFORE)
         if before in (None, content):  # the latter where a change was cut off, or changed nothing
             raise MapStoreError(
@@ -148,7 +136,7 @@ class ZonesService:
                     map=name,
                 ),
             )
-        return await self._replace(name, content, before)
+        return await self._save(name, content, before)
 
     async def _apply(
         self,
@@ -159,17 +147,12 @@ class ZonesService:
         continued: bool = False,
     ) -> ZonesSaved:
         """Make a change; with ``asks`` only one that does nothing that may not be meant."""
-        name = self._maps.named(params.map)
-        content = await self._file.read(name)
-        self._file.require_revision(content, params.revision)
+        name, content = await self.file.read_for_change(params.map, params.revision)
         before = await self._parse(content, name)
-        zones, new = await self._file.compute_in_thread(lambda: _change_zones(before, content, change))
-        if asks and self.examine is not None and name == self._maps.in_use:
-            listed = await self._maps.places(name)
-            places = {place.name: (place.x_m, place.y_m) for place in listed.places}
-            if concerns := await self.examine(new, places):
-                raise Refused(RefusalKind.NEEDS_CONFIRMATION, join_sentences(concerns))
-        saved = await self._replace(name, content, new, keeps_before=not continued)
+        zones, new = await self.file.compute_in_thread(lambda: _change_zones(before, content, change))
+        if asks:
+            await self.file.require_meant(name, new)
+        saved = await self._save(name, content, new, keeps_before=not continued)
         self._parsed = (new, zones)
         return saved
 
@@ -178,18 +161,14 @@ class ZonesService:
         async with self._parsing:
             text = content or b""
             if text != self._parsed[0]:
-                self._parsed = (text, await self._file.compute_in_thread(lambda: _parse_content(text, name)))
+                self._parsed = (text, await self.file.compute_in_thread(lambda: _parse_content(text, name)))
             return self._parsed[1]
 
-    async def _replace(
+    async def _save(
         self, name: str, content: bytes | None, new: bytes, *, keeps_before: bool = True
     ) -> ZonesSaved:
-        """Replace what was there, and have navigation use it."""
-        await self._file.replace(name, content, new, keeps_before=keeps_before)
-        revision = revision_of(new)
-        self._entries.observe(self._bus, ZonesChanged(self._clock.now_s(), name, revision))
-        warning = await self._file.why_unused(name, self.use)
-        return ZonesSaved(map=name, revision=revision, warning=warning or None)
+        revision, warning = await self.file.save_change(name, content, new, keeps_before=keeps_before)
+        return ZonesSaved(map=name, revision=revision, warning=warning)
 
 
 def _change_zones(
@@ -253,12 +232,6 @@ def _require_known(own: str, ids: set[str]) -> None:
                 "zones.unknown", "no zone with the id {zone!r}; there are: {listed}", zone=own, listed=listed
             ),
         )
-
-
-def _new_id(revision: str, params: ZoneShape) -> str:
-    """An id that no other zone has had, the same whenever the same is done again."""
-    drawn = f"{revision} {params.model_dump_json()}"
-    return hashlib.sha256(drawn.encode()).hexdigest()[:8]
 
 
 def zones(service: ZonesService) -> Feature:

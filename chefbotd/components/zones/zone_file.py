@@ -17,6 +17,7 @@ from typing import Annotated, Any, Final, TypeAlias
 import yaml
 from pydantic import Field, ValidationError, model_validator
 
+from chefbotd.components.maps.outlines import WALL_WIDTH_M, Point
 from chefbotd.core.bounded_yaml import load_first_document
 from chefbotd.core.parameters import Parameters
 
@@ -38,12 +39,6 @@ MOST_SHOWN = 100
 
 MOST_ZONES = 1000
 MOST_POINTS = 1000
-FARTHEST_M = 1e6
-WALL_WIDTH_M = 0.05
-"""Of a wall that says nothing of its width: a cell of most maps."""
-
-Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
-Point: TypeAlias = tuple[Coordinate, Coordinate]
 Corners = Annotated[tuple[Point, ...], Field(min_length=3, max_length=MOST_POINTS)]
 
 

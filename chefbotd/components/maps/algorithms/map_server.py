@@ -18,6 +18,7 @@ import numpy.typing as npt
 import yaml
 from pydantic import Field, ValidationError
 
+from chefbotd.components.maps.outlines import Coordinate
 from chefbotd.core.bounded_yaml import load_first_document
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -37,7 +38,6 @@ OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196
 MOST_PIXELS = 1 << 28
 FINEST_M, COARSEST_M = 0.001, 10.0
 """A map's cells: finer ones than a lidar can tell apart, and coarser ones than any robot fits between, are mistakes."""
-FARTHEST_M = 1e6
 
 LFS_POINTER: Final = b"version https://git-lfs.github.com/spec/"
 """How a file begins that Git put in the place of one in its large file storage (git-lfs, docs/spec.md)."""
@@ -53,9 +53,6 @@ class ImageMode(StrEnum):
 
 class MapFileError(ValueError):
     """A map file that cannot be read; its text names the file, and is ready to be shown."""
-
-
-Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
 
 
 class MapDescription(Parameters):

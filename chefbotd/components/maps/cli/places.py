@@ -8,8 +8,7 @@ from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.components.maps.cli.asking import ask
-
-OF_MAP = click.option("--map", "of_map", help="Which map; default: the one in use.")
+from chefbotd.components.maps.cli.drawing import OF_MAP
 
 
 @click.group()

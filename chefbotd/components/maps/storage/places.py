@@ -8,6 +8,7 @@ from typing import Literal
 
 from pydantic import Field, ValidationError
 
+from chefbotd.components.maps.outlines import Coordinate
 from chefbotd.components.maps.storage.disk import MapStoreError
 from chefbotd.components.maps.storage.names import place_name
 from chefbotd.core.commands import RefusalKind
@@ -16,9 +17,6 @@ from chefbotd.core.sentence import Sentence
 
 PLACES = "places.json"
 MOST_PLACES = 1000
-FARTHEST_M = 1e6
-
-
 MOST_NOTE = 200
 
 
@@ -34,8 +32,8 @@ class PlaceKind(StrEnum):
 class Place(Parameters):
     """A pose in ``map``, what it is for, and a note for people; the heading is CCW positive."""
 
-    x_m: float = Field(ge=-FARTHEST_M, le=FARTHEST_M)
-    y_m: float = Field(ge=-FARTHEST_M, le=FARTHEST_M)
+    x_m: Coordinate
+    y_m: Coordinate
     heading_rad: float
     kind: PlaceKind = PlaceKind.OTHER
     note: str = Field("", max_length=MOST_NOTE)

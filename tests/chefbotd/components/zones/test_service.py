@@ -78,7 +78,7 @@ def test_zones_on_the_disk_are_driven_by_also_where_the_client_goes(steps: int) 
             used.append(maps.files.get(ZONES))
             return ""
 
-        zones.use = use
+        zones.file.use = use
         asking = asyncio.ensure_future(zones.save_zone(cast(Any, None), PARAMS, cast(Any, None)))
         for _ in range(steps):
             await asyncio.sleep(0)
@@ -102,7 +102,7 @@ def test_an_edit_by_hand_while_navigation_is_asked_is_kept_and_so_is_what_undo_b
             maps.files[ZONES] = b"# by hand\n"
             return ()
 
-        zones.examine = examine
+        zones.file.examine = examine
         with pytest.raises(MapStoreError) as refused:
             await zones.save_zone(cast(Any, None), PARAMS, cast(Any, None))
         assert refused.value.kind is RefusalKind.CHANGED_MEANWHILE
