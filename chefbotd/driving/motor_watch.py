@@ -170,12 +170,16 @@ class MotorWatch(StatefulPart[MotorWatchState]):
 
     def note_command(self, command: WrittenCommand, *, is_held_back: bool = False) -> None:
         """A command goes to the board; ``is_held_back``: it may still wait on this side of the wire."""
-        memory, now_s, duty = self.memory, command.since_s, command.duty
-        is_driven = any(duty)
+        self.note_repeated(command.since_s, command.duty, is_held_back=is_held_back)
+        self.memory.in_force.note_command(command, is_held_back=is_held_back)
+
+    def note_repeated(self, now_s: float, duty: tuple[int, ...], *, is_held_back: bool = False) -> None:
+        """The newest command goes to the board again, or another one does, which is noted after this."""
+        memory, is_driven = self.memory, any(duty)
         if not is_driven or memory.unresponsive is not unresponsive.DRIVEN:
             memory.unresponsive = unresponsive.record_command(memory.unresponsive, now_s, driven=is_driven)
         memory.echo = echo.note_command(memory.echo, now_s, duty)
-        memory.in_force.note_command(command, is_held_back=is_held_back)
+        memory.in_force.note_way(is_held_back=is_held_back)
 
     def note_board(self, says: BoardSays) -> None:
         """What a board with our firmware says of itself."""

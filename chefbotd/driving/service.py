@@ -424,12 +424,11 @@ class DriveService(StatefulPart[DriveServiceState]):
     def _note_command(self, now_s: float, duty: tuple[int, ...]) -> None:
         motors, setpoint_m_s = self.keeper.motors, self.wheels.drive_state.setpoint_m_s
         commands = motors.memory.in_force.commands
-        last = commands[0] if commands else None
-        is_same = last is not None and last.duty == duty and last.setpoint_m_s == setpoint_m_s
-        effort = last.effort if last is not None and is_same else self.wheels.effort
-        motors.note_command(
-            WrittenCommand(now_s, duty, effort, setpoint_m_s), is_held_back=self.wheels.is_held_back
-        )
+        if commands and commands[0].duty == duty and commands[0].setpoint_m_s == setpoint_m_s:
+            motors.note_repeated(now_s, duty, is_held_back=self.wheels.is_held_back)
+            return
+        command = WrittenCommand(now_s, duty, self.wheels.effort, setpoint_m_s)
+        motors.note_command(command, is_held_back=self.wheels.is_held_back)
 
     def _halt(self) -> None:
         self.wheels.halt()

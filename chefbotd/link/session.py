@@ -185,7 +185,7 @@ class BoardSession(asyncio.Protocol, StatefulPart[BoardSessionState]):
         self.monitor.count_bytes(data)
         lines, messages = self._decoder.read(data)
         self.lines.heard.append((now_s, lines[-LINES_LOGGED:]))
-        bus, events, publish = self._bus, self._events, self._bus.publish
+        bus, events, publish, firmware = self._bus, self._events, self._bus.publish, self.firmware
         seen = iter(lines) if bus.has_listeners(LineSeen) else None
         bus.hold()  # what the lines of one read say belongs together
         try:
@@ -199,15 +199,15 @@ class BoardSession(asyncio.Protocol, StatefulPart[BoardSessionState]):
                     if kind in MOTORS_FIRST:
                         bus.deliver()
                         bus.hold()
-            if self.firmware.codec.is_checked is not self.firmware.memory.is_checked:
-                self.firmware.look_at_mode(now_s)
+            if firmware.codec.is_checked is not firmware.memory.is_checked:
+                firmware.look_at_mode(now_s)
         finally:
-            self._bus.deliver()
+            bus.deliver()
         self.setpoints.heard()
-        if now_s >= self.firmware.memory.due_s:
-            self.firmware.greet(now_s)
-        if self.firmware.loop.is_wanted and self.firmware.memory.is_checked:
-            self.firmware.set_up_loop(now_s)
+        if now_s >= firmware.memory.due_s:
+            firmware.greet(now_s)
+        if firmware.loop.is_wanted and firmware.memory.is_checked:
+            firmware.set_up_loop(now_s)
 
     @property
     def is_proven(self) -> bool:

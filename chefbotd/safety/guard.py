@@ -150,6 +150,8 @@ def update(
     for index, beam in enumerate(beams):
         if beam.sensor == measured.sensor:
             read = _measure_beam(params, beam, measured, wheels_rad, wheels_s, moved)
+            if len(beams) == 1:
+                return (read,)
             return (*beams[:index], read, *beams[index + 1 :])
     return beams
 

@@ -82,14 +82,18 @@ class InForce(MutableState):
     waits_until_s: float = float("-inf")
     has_clock: bool = True
 
+    def note_way(self, *, is_held_back: bool) -> None:
+        """The newest command goes to the board again, or another one; ``is_held_back`` as in ``note_command``."""
+        if not is_held_back:
+            self.written_s = math.inf
+        elif self.commands and self.commands[0].since_s < self.written_s:
+            self.written_s = self.commands[0].since_s
+
     def note_command(self, command: WrittenCommand, *, is_held_back: bool = False) -> None:
         """A command goes to the board; ``is_held_back``: it may still wait on this side of the wire."""
-        if not is_held_back:
-            self.written_s = float("inf")
+        self.note_way(is_held_back=is_held_back)
         if self.commands:
             newest = self.commands[0]
-            if is_held_back and newest.since_s < self.written_s:
-                self.written_s = newest.since_s
             if newest.duty == command.duty and newest.setpoint_m_s == command.setpoint_m_s:
                 return
         self.commands = (command, *self.commands[: MOST_COMMANDS - 1])
