@@ -253,7 +253,7 @@ def _last_duty(board: int, before: tuple[int, int]) -> tuple[int, int]:
 
 
 def lines_of(number: int, echo: tuple[int, int]) -> bytes:
-    """The six lines of a cycle: a robot with 12.3 V drives a curve, one wheel faster than the other, and obeys ``echo``."""
+    """Six lines of a cycle: at 12.3 V the robot drives a curve, one wheel faster than the other, and obeys ``echo``."""
     micros, left, right = 20_000_000 + number * 10_000, number * 11, number * 17
     lines = (
         f"t\t{micros}\t0.01",
