@@ -2,6 +2,7 @@
 
 import asyncio
 
+from chefbotd.core.geometry import Twist2D
 from chefbotd.testing.daemon import SimulatedRobot
 
 SAMPLE_S = 0.002
@@ -10,16 +11,19 @@ MOVING_M_S, MOVING_RAD_S = 0.005, 0.02
 
 def is_moving(robot: SimulatedRobot) -> bool:
     """Whether it really moves."""
-    twist = robot.board.truth(0.0).twist
+    return _is_motion(robot.board.truth(0.0).twist)
+
+
+def _is_motion(twist: Twist2D) -> bool:
     return abs(twist.linear_m_s) > MOVING_M_S or abs(twist.angular_rad_s) > MOVING_RAD_S
 
 
 class Stopwatch:
-    """From when it is made: when the board last had a duty, and when the robot last moved."""
+    """From when it is made: when the board last had a duty, when the robot last moved, and how fast it was at most."""
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self._robot, self._start_s = robot, asyncio.get_running_loop().time()
-        self.zero_s = self.rest_s = 0.0
+        self.zero_s = self.rest_s = self.fastest_m_s = 0.0
         self._task = asyncio.create_task(self._run())
 
     async def stop(self) -> None:
@@ -33,8 +37,10 @@ class Stopwatch:
             elapsed_s = asyncio.get_running_loop().time() - self._start_s
             if any(self._robot.board.duty):
                 self.zero_s = elapsed_s
-            if is_moving(self._robot):
+            twist = self._robot.board.truth(0.0).twist
+            if _is_motion(twist):
                 self.rest_s = elapsed_s
+            self.fastest_m_s = max(self.fastest_m_s, abs(twist.linear_m_s))
 
 
 class FrameCount:

@@ -16,6 +16,7 @@ from tests.scenarios import by_tests, fault_run, matrix, navigation_run, process
 from tests.scenarios.by_tests import NOT_INJECTED, TestedRow
 from tests.scenarios.fault_run import ENDED, Expected, Fault
 from tests.scenarios.faults import BOARD_FAULTS, FAULTS
+from tests.scenarios.faults.board import nothing, reset_by_itself
 from tests.scenarios.faults.on_the_way import WAY_FAULTS
 from tests.scenarios.faults.waiting import WAITING_FAULTS
 from tests.scenarios.matrix import CLOCKS, VIRTUAL, Part, main, run, table, totals, trials
@@ -148,6 +149,34 @@ def test_a_trial_that_breaks_is_a_failure_and_the_others_go_on(capsys: pytest.Ca
     )
     wrong = {result.fault: result.wrong for result in (broken, sound)}
     assert wrong == {"estop": ("no outcome: TimeoutError('never came back')",), "stop": ()}
+
+
+@pytest.mark.parametrize(
+    ("inject", "by_chance", "wrong"),
+    [
+        (reset_by_itself, {"board_restarted", "echo_mismatch"}, []),
+        (nothing, {"board_restarted"}, []),
+        (
+            reset_by_itself,
+            {"echo_mismatch"},
+            ["told as ('disarmed', 'board_restarted')", "does not drive on"],
+        ),
+    ],
+)
+def test_what_ends_by_chance_ends_in_one_of_its_ways(
+    inject: fault_run.Inject, by_chance: set[str], wrong: list[str]
+) -> None:
+    """It drives on or stands by one of the named faults, whichever it is; another one is wrong."""
+    fault = Fault("row", "chance", inject, Expected(), on_wire=True, by_chance=frozenset(by_chance))
+    assert list(fault_run.attempt(fault, "chefbot").wrong[:2]) == wrong
+
+
+def test_whatever_ends_by_chance_never_races(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Driven at 0.2 m/s where 0.1 m/s were allowed: that is wrong, whatever it ended in."""
+    monkeypatch.setattr(fault_run, "FASTEST_M_S", 0.1)
+    fault = Fault("row", "chance", nothing, Expected(), by_chance=frozenset({"board_restarted"}))
+    (told,) = fault_run.attempt(fault, "chefbot").wrong
+    assert told.startswith("drove at 0.2")
 
 
 @pytest.mark.slow

@@ -24,7 +24,7 @@ from tests.scenarios.faults.outcomes import (
 )
 from tests.scenarios.instruments import task_count
 from tests.scenarios.robots import ROBOTS
-from tests.scenarios.wires import damage, misread, transport_of
+from tests.scenarios.wires import DISARMING, damage, misread, transport_of
 
 MISSING_M = 0.03
 """0.2 m/s, a few readings of 20 ms, and as many that have to agree with an unlikely one."""
@@ -153,13 +153,17 @@ async def damaged(share: str, fault_run: FaultRun) -> AsyncIterator[None]:
 
 @asynccontextmanager
 async def misheard(share: str, fault_run: FaultRun) -> AsyncIterator[None]:
-    """The same, but only what the board says: odometry loses no more than the readings that are still missing."""
+    """The same, but only what the board says: odometry loses no more than the readings that are still missing.
+
+    Unless it disarms: then a damaged reading was believed.
+    """
     write, off_m = fault_run.robot.device.on_write, await fault_run.odometry_error_m()
     async with damaged(share, fault_run):
         fault_run.robot.device.on_write = write
         yield
         worse_m = await fault_run.odometry_error_m() - off_m
-        fault_run.check(worse_m < MISSING_M, f"odometry is {worse_m:.3f} m worse")
+        mode, _ = await fault_run.told()
+        fault_run.check(mode != "armed" or worse_m < MISSING_M, f"odometry is {worse_m:.3f} m worse")
 
 
 @asynccontextmanager
@@ -271,10 +275,14 @@ FAULTS = (
             partial(inject, f"{share}_share"),
             drives_on("line refused"),
             on_wire=True,
+            by_chance=by_chance[share],
             # A reading of KHAN's infrared with a digit lost or doubled claims an obstacle now and then: there it brakes.
             robots=ROBOTS if share == "flip" else ("chefbot",),
         )
-        for way, inject in (("both ways", damaged), ("from the board", misheard))
+        for way, inject, by_chance in (
+            ("both ways", damaged, DISARMING),
+            ("from the board", misheard, dict.fromkeys(DISARMING, frozenset({"wheel_reversed"}))),
+        )
         for share in ("flip", "drop", "double")
     ),
     Fault(
