@@ -1,4 +1,4 @@
-"""InputLog from outside: each is handled at one time, and passed to the recorder.
+"""Inputs from outside: each is handled at one time, and passed to the recorder.
 
 Bytes that arrive, a timer that fires, a request, a task that goes on: whatever follows from one of them in the same call
 stack sees the time of its beginning. So what the robot does is a function of its entries and their times, and can be
@@ -292,5 +292,5 @@ def set_event(event: asyncio.Event, is_set: bool) -> None:
 
 
 def inputs_of(clock: Clock) -> InputLog:
-    """The clock itself where it is one of entries; else one of entries that nobody records."""
+    """The clock itself if it is an input log, else an input log on this clock that nobody records."""
     return clock if isinstance(clock, InputLog) else InputLog(clock)

@@ -1,8 +1,8 @@
 """The state of the daemon's parts by name: recorded in one daemon, restored in another of the same configuration.
 
-A part says of which class its state is: what ``state`` is annotated to return. That class alone decides what is made of
-a recorded state, which may come from a stranger: no name in it is looked up, nothing in it is called, and what is not
-of the type that stands in its place is refused.
+The annotation of a part's ``state`` says of which class its state is. A recorded state may come from a stranger, so that
+class alone decides what is read from it: no name in it is looked up, nothing in it is called, and a value of another
+type is refused.
 """
 
 import typing
@@ -89,7 +89,7 @@ STATE_ERRORS = (
     ArithmeticError,
     RecursionError,
 )
-"""What a state raises that is not one of its part, when it is made, decoded or put in place."""
+"""Exceptions raised when a wrong state is encoded, decoded or restored."""
 
 
 def _describe(problem: Exception) -> str:
@@ -98,7 +98,7 @@ def _describe(problem: Exception) -> str:
 
 @cache
 def state_class(part: type[Any]) -> Any:
-    """Of what type the states of a class of parts are."""
+    """The type of the states of a class of parts."""
     declared = typing.get_type_hints(part.state)["return"]
     if isinstance(declared, typing.TypeVar):
         bases = typing.cast("Any", part).__orig_bases__

@@ -1,18 +1,18 @@
 """The sources of commands that a stop holds, and for whom.
 
-A driver who repeats its command without knowing of a stop would undo the stop 50 ms later. So a stop holds every
-source that another client has lately tried to drive. An emergency stop or a fault also holds what its own client has
-tried, and what anybody tries while it is latched. A try is a command that names the source, whether it was carried out
-or not, and whatever motion it asked for.
+A driver that repeats its command without knowing of a stop would undo the stop 50 ms later. So a stop holds every
+source that another client has lately tried to drive. An emergency stop or a fault also holds the sources that its own
+client has tried, and those that anybody tries while it is latched. A try is any command that names the source, carried
+out or not.
 
-From a held source nobody drives but the clients that know of the stop: the one that sent it, unless it was held
-itself, and those that asked to drive after it. The others may be the same driver on a new connection, so they are all
-held, whoever tried first. A source is free when no held client has tried for ``stop_hold_s``. What those do who know
-of the stop neither ends the hold of the others nor makes it longer.
+Only clients that know of the stop may drive a held source. These are the client that sent the stop, unless it was held
+itself, and clients that asked to drive after the stop. All other clients are held, because each may be the same driver
+on a new connection. A source is free when no held client has tried it for ``stop_hold_s``. Commands of clients that
+know of the stop do not change this time.
 
-Taking control of a source is a try of it. From another client it also asks to drive after the stop, but only for a
-client that has not tried within ``stop_hold_s``, and only where nobody has taken control of this source within
-``TAKING_PAUSE_S``: programs that repeat it decide nothing, on one connection or on a new one each time.
+Taking control of a source is a try, too. For another client it is also a request to drive after the stop, under two
+conditions: the client has not tried the source within ``stop_hold_s``, and nobody has taken control of it within
+``TAKING_PAUSE_S``. So a program that repeats the request ends no stop, on one connection or on a new one each time.
 """
 
 from chefbotd.core.record import Record, replace

@@ -37,7 +37,7 @@ class NavigationMethods(MethodCaller):
         With ``queue`` it comes after the goals that there are; otherwise they are cancelled. Where this is cancelled,
         so is the goal, with those that were queued behind it; the robot stands, unless a goal comes before.
         ``on_progress`` is told the metres that are done, all of them, and what the robot does.
-        Of a ``goal_id`` that the daemon knows already nothing begins anew: the end of that goal is waited for. With
+        A ``goal_id`` that the daemon knows already begins no new goal: this waits for the end of that goal. With
         ``on_client_left`` "keep" the goal outlives this client, which can wait for it again by its ``goal_id``. With
         ``if_stop_number`` it is refused as ``stopped_since`` where the robot was stopped after this was its number.
 

@@ -191,7 +191,7 @@ def _recording_of(about: Mapping[str, Mapping[str, str]]) -> tuple[str | None, s
 
 
 def with_parts(paths: Sequence[Path]) -> tuple[Path, ...]:
-    """The files; a first one that stands alone brings those that go on from it, ``NAME_part2.mcap`` and so on."""
+    """The files. A single first part is followed by its other parts, ``NAME_part2.mcap`` and so on."""
     if len(paths) != 1 or paths[0].is_dir():  # that a folder is no recording is said where it is read
         return tuple(paths)
     parts, first = [paths[0]], paths[0]
