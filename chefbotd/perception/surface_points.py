@@ -38,20 +38,27 @@ def smooth_points(points_m: Floats, sensor_m: Floats) -> Floats:
         sensor_m: where they were seen from: one place (2,), or one for each point (n, 2), in the same frame.
     """
     count = len(points_m)
-    if count < 2:
+    if count < 3:
         return points_m
     seen = points_m - sensor_m
     beam = seen / np.maximum(np.hypot(seen[:, 0], seen[:, 1]), 1e-9)[:, None]
-    total, members = np.zeros_like(points_m), np.ones(count)
-    for step in range(1, min(BEAMS, (count - 1) // 2) + 1):
-        for shift in (step, -step):
-            apart = np.roll(points_m, shift, axis=0) - points_m
-            along_m = apart[:, 0] * beam[:, 0] + apart[:, 1] * beam[:, 1]
-            across_m = apart[:, 0] * beam[:, 1] - apart[:, 1] * beam[:, 0]
+    most = min(BEAMS, (count - 1) // 2)
+    around_x, around_y = np.concatenate(
+        (points_m[-most:], points_m, points_m[:most])
+    ).T.copy()  # a turn has no ends
+    (x, y), (beam_x, beam_y) = points_m.T.copy(), beam.T.copy()
+    total_x, total_y, members = np.zeros(count), np.zeros(count), np.ones(count)
+    for step in range(1, most + 1):
+        for begin in (most - step, most + step):
+            beside = slice(begin, begin + count)
+            apart_x, apart_y = around_x[beside] - x, around_y[beside] - y
+            along_m = apart_x * beam_x + apart_y * beam_y
+            across_m = apart_x * beam_y - apart_y * beam_x
             is_same = (np.abs(along_m) <= ALONG_M) & (np.abs(across_m) <= ACROSS_M)
-            total += apart * is_same[:, None]
+            total_x += apart_x * is_same
+            total_y += apart_y * is_same
             members += is_same
-    move = total / members[:, None]
+    move = np.stack((total_x, total_y), axis=1) / members[:, None]
     length_m = np.hypot(move[:, 0], move[:, 1])
     move *= np.minimum(1.0, MOST_M / np.maximum(length_m, 1e-9))[:, None]
     result: Floats = points_m + move

@@ -42,24 +42,23 @@ class SimulatedLd19(SpinningLidar):
     transmission_s = ld19.PACKET.size * 10 / ld19.BAUD
 
     def _packed(self, point_s: Vector, turned: Vector, distance_m: Vector, intensity: Vector) -> list[bytes]:
-        distance_mm = np.minimum(np.rint(distance_m * 1000), DISTANCE_MAX_MM)
-        cdeg = (
-            (np.rint(turned * ld19.FULL_TURN_CDEG) % ld19.FULL_TURN_CDEG).astype(int).reshape(-1, ld19.POINTS)
-        )
-        speed = np.rint(
-            (turned[ld19.POINTS - 1 :: ld19.POINTS] - turned[:: ld19.POINTS]) * 360 / self._span_s
-        ).astype(int)
-        stamps_ms = (point_s[ld19.POINTS - 1 :: ld19.POINTS] * 1000).astype(int) % ld19.TIME_SPAN_MS
+        distance_mm = np.minimum(np.rint(distance_m * 1000), DISTANCE_MAX_MM).astype(int)
+        ends = turned.reshape(-1, ld19.POINTS)[:, [0, -1]]
         rows = zip(
-            speed.tolist(),
-            cdeg[:, 0].tolist(),
-            cdeg[:, -1].tolist(),
-            distance_mm.astype(int).reshape(-1, ld19.POINTS).tolist(),
+            np.rint((ends[:, 1] - ends[:, 0]) * 360 / self._span_s).astype(int).tolist(),
+            (np.rint(ends * ld19.FULL_TURN_CDEG) % ld19.FULL_TURN_CDEG).astype(int).tolist(),
+            distance_mm.reshape(-1, ld19.POINTS).tolist(),
             intensity.astype(int).reshape(-1, ld19.POINTS).tolist(),
-            stamps_ms.tolist(),
+            point_s[ld19.POINTS - 1 :: ld19.POINTS].tolist(),
             strict=True,
         )
-        return [ld19.encode(ld19.Ld19Packet(*row)) for row in rows]
+        packets = (
+            ld19.Ld19Packet(
+                speed, first, last, tuple(distances), tuple(bright), int(end_s * 1000) % ld19.TIME_SPAN_MS
+            )
+            for speed, (first, last), distances, bright, end_s in rows
+        )
+        return [ld19.encode(packet) for packet in packets]
 
     @property
     def _span_s(self) -> float:
