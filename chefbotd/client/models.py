@@ -57,6 +57,7 @@ from chefbotd.components.tuning.models import Wheels as Wheels
 from chefbotd.components.zones.models import (
     ZoneData as ZoneData, ZoneList as ZoneList, ZonesData as ZonesData, ZonesSaved as ZonesSaved
 )
+from chefbotd.core.events.board import FirmwareData as FirmwareData
 from chefbotd.core.events.lidars import DepthCameraChanged as DepthCameraChanged
 from chefbotd.core.events.robot import (
     BatteryData as BatteryData, ImuData as ImuData, OdometryConditionData as OdometryConditionData,
@@ -64,7 +65,7 @@ from chefbotd.core.events.robot import (
 )
 from chefbotd.core.record import LogLine as LogLine
 from chefbotd.driving.board.models import (
-    FirmwareData as FirmwareData, LinkData as LinkData, RawData as RawData, ResetData as ResetData, TextData as TextData
+    LinkData as LinkData, RawData as RawData, ResetData as ResetData, TextData as TextData
 )
 from chefbotd.driving.description.models import RobotDescription as RobotDescription
 from chefbotd.driving.lidars.models import LidarData as LidarData, LidarsData as LidarsData, ScanData as ScanData

@@ -152,7 +152,7 @@ def report(state: FirmwareState, now_s: float, *, lines_lost: int) -> FirmwareRe
     named, board, counters = state.named, state.board, state.counters
     cause = board.reset_cause if board is not None else named.reset_cause if named is not None else 0
     return FirmwareReported(
-        now_s,
+        stamp_s=now_s,
         mode="checked" if state.is_checked else "classic",
         version="" if named is None else f"{named.major}.{named.minor}",
         board="" if named is None else BOARDS.get(named.board, str(named.board)),

@@ -1,7 +1,9 @@
 """Events of the link and the board, in the board's own numbers."""
 
 from enum import StrEnum
-from typing import ClassVar
+from typing import Annotated, ClassVar
+
+from msgspec import Meta
 
 from chefbotd.core.record import Level, LogLine, Record, because
 from chefbotd.core.sentence import Sentence
@@ -99,42 +101,55 @@ class BoardResetProgressed(Record, frozen=True):
         )
 
 
-class FirmwareReported(Record, frozen=True):
-    """What the board's own firmware is and says of itself; nothing is known of a classic sketch.
+class FirmwareData(Record, frozen=True):
+    """Our own firmware on the board, with each change and once a second; a classic sketch tells nothing."""
 
-    ``mode`` is ``classic`` or ``checked``, ``deadman_ms`` None where the board does not stop by itself. ``stops`` are
-    those in force on the board (``dead_man``, ``estop``, ``left_wheel_lost``, ...); it ``stopped_itself`` where nobody
-    here has asked for the one that latched. The board's counters wrap at 2^16; ``lines_lost`` are its lines that did not
-    arrive, or were damaged. ``round_trip_s`` is a command's until its echo, ``clock_late_s`` by how much later than they
-    were taken the board's readings are stamped. ``reason`` says why the mode is not agreed on. ``build``
-    names the program by its CRC; the board counts ``counted_edges`` of each period of an encoder (4: all), and
-    ``most_edges_s`` of a wheel at most; None: it does not say so.
-    """
-
-    retained: ClassVar[bool] = True
-
-    stamp_s: float
-    mode: str
+    mode: Annotated[
+        str, Meta(description="classic, or checked: lines with checksums, and a board that stops by itself")
+    ]
     version: str
     board: str
     capabilities: tuple[str, ...]
-    deadman_ms: int | None
+    deadman_ms: Annotated[
+        int | None, Meta(description="after how long without a command the board stops; null: it does not")
+    ]
     reset_cause: str
-    stops: tuple[str, ...]
-    stopped_itself: bool
-    crc_errors: int
+    stops: Annotated[
+        tuple[str, ...],
+        Meta(description="in force on the board: dead_man, estop, stall, left_wheel_lost, ..."),
+    ]
+    stopped_itself: Annotated[bool, Meta(description="one of them latched that nobody here asked for")]
+    crc_errors: Annotated[
+        int, Meta(description="lines that arrived damaged at the board; wraps at 65536, as the next")
+    ]
     refused: int
     overruns: int
     gaps: int
     deadman_stops: int
     late_cycles: int
-    lines_lost: int
-    round_trip_s: float | None
-    clock_late_s: float | None
-    reason: str
-    build: str = ""
-    counted_edges: int | None = None
-    most_edges_s: int | None = None
+    lines_lost: Annotated[int, Meta(description="lines of the board that did not arrive, or damaged")]
+    round_trip_s: Annotated[float | None, Meta(description="from a command to its echo, on average")]
+    clock_late_s: Annotated[
+        float | None, Meta(description="by how much later than they were taken readings are stamped")
+    ]
+    reason: Annotated[str, Meta(description="why the checked mode is not agreed on, if it was tried")]
+    build: Annotated[
+        str, Meta(description="its program, by the CRC over it; empty: the board does not say so")
+    ] = ""
+    counted_edges: Annotated[
+        int | None, Meta(description="which edges of a period of its encoders it counts: 4 are all")
+    ] = None
+    most_edges_s: Annotated[
+        int | None, Meta(description="how many edges of a wheel a second it counts at most")
+    ] = None
+
+
+class FirmwareReported(FirmwareData, frozen=True, kw_only=True):
+    """What the board's own firmware is and says of itself; nothing is known of a classic sketch."""
+
+    retained: ClassVar[bool] = True
+
+    stamp_s: float
 
 
 class DutyWritten(Record, frozen=True):

@@ -6,6 +6,7 @@ from msgspec import Meta
 
 from chefbotd.core import events
 from chefbotd.core.events import Direction
+from chefbotd.core.events.board import FirmwareData
 from chefbotd.core.record import Record
 from chefbotd.core.sentence import Sentence
 from chefbotd.rpc.topics import Topic, same_names
@@ -27,49 +28,6 @@ class LinkData(Record, frozen=True):
             "lines_refused, wrong_time_unit, shared_port, unknown or down"
         ),
     ] = "down"
-
-
-class FirmwareData(Record, frozen=True):
-    """Our own firmware on the board, with each change and once a second; a classic sketch tells nothing."""
-
-    mode: Annotated[
-        str, Meta(description="classic, or checked: lines with checksums, and a board that stops by itself")
-    ]
-    version: str
-    board: str
-    capabilities: tuple[str, ...]
-    deadman_ms: Annotated[
-        int | None, Meta(description="after how long without a command the board stops; null: it does not")
-    ]
-    reset_cause: str
-    stops: Annotated[
-        tuple[str, ...],
-        Meta(description="in force on the board: dead_man, estop, stall, left_wheel_lost, ..."),
-    ]
-    stopped_itself: Annotated[bool, Meta(description="one of them latched that nobody here asked for")]
-    crc_errors: Annotated[
-        int, Meta(description="lines that arrived damaged at the board; wraps at 65536, as the next")
-    ]
-    refused: int
-    overruns: int
-    gaps: int
-    deadman_stops: int
-    late_cycles: int
-    lines_lost: Annotated[int, Meta(description="lines of the board that did not arrive, or damaged")]
-    round_trip_s: Annotated[float | None, Meta(description="from a command to its echo, on average")]
-    clock_late_s: Annotated[
-        float | None, Meta(description="by how much later than they were taken readings are stamped")
-    ]
-    reason: Annotated[str, Meta(description="why the checked mode is not agreed on, if it was tried")]
-    build: Annotated[
-        str, Meta(description="its program, by the CRC over it; empty: the board does not say so")
-    ] = ""
-    counted_edges: Annotated[
-        int | None, Meta(description="which edges of a period of its encoders it counts: 4 are all")
-    ] = None
-    most_edges_s: Annotated[
-        int | None, Meta(description="how many edges of a wheel a second it counts at most")
-    ] = None
 
 
 class RawData(Record, frozen=True):
