@@ -113,11 +113,8 @@ def _expire(waiter: "asyncio.Future[None]") -> None:
         waiter.set_result(None)
 
 
-Takers: TypeAlias = tuple[tuple[Handler, OnError], ...]
-"""The handlers of a class of events, each with what it raises."""
-
-Route: TypeAlias = tuple[tuple[Inbox[Any], ...], Takers]
-"""Who takes a class of events: the inboxes, and the handlers with what they raise."""
+Route: TypeAlias = tuple[tuple[Inbox[Any], ...], tuple[Handler, ...]]
+"""Who takes a class of events: the inboxes, and the handlers."""
 
 NOBODY: Route = ((), ())
 
@@ -133,7 +130,7 @@ class Bus:
         self._of_all: tuple[Inbox[Any], ...] = ()
         self._handlers: dict[type[Any], tuple[tuple[Handler, OnError], ...]] = {}
         self._routes: dict[type[Any], Route] = {}
-        self._undelivered: list[tuple[object, Takers]] = []
+        self._undelivered: list[tuple[object, tuple[Handler, ...]]] = []
         self._is_held = False
         self.handler_errors: Counter[str] = Counter()
 
@@ -223,17 +220,19 @@ class Bus:
         self._is_held = True
         try:
             for event, handlers in self._undelivered:  # it grows meanwhile
-                for handler, on_error in handlers:
+                for handler in handlers:
                     try:
                         handler(event)
                     except Exception as error:  # noqa: BLE001 (handed on)
-                        self._report_error(event, error, on_error)
+                        self._report_error(event, error, handler)
         finally:
             self._undelivered.clear()
             self._is_held = False
 
-    def _report_error(self, event: object, error: Exception, on_error: OnError) -> None:
+    def _report_error(self, event: object, error: Exception, failed: Handler) -> None:
         self.handler_errors[type(event).__name__] += 1
+        entries = self._handlers.get(type(event), ())
+        on_error = next((on_error for handler, on_error in entries if handler is failed), _log_error)
         try:
             on_error(error)
         except Exception as another:  # noqa: BLE001 (logged)
@@ -248,7 +247,7 @@ class Bus:
 
     def _find_route(self, topic: type[Any]) -> Route:
         """Note who takes a class, until somebody comes or goes: events are published far more often."""
-        route = self._inboxes_of(topic), self._handlers.get(topic, ())
+        route = self._inboxes_of(topic), tuple([handler for handler, _ in self._handlers.get(topic, ())])
         route = self._routes[topic] = route if any(route) else NOBODY
         return route
 

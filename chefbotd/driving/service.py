@@ -273,40 +273,41 @@ class DriveService(StatefulPart[DriveServiceState]):
     def _on_encoders(self, event: EncodersCounted) -> None:
         """One control step: decode, ask the keeper, regulate, write the duty, judge the wheels, publish."""
         began_s, now_s = perf_counter(), self._clock.now_s()
+        keeper, wheels, watch_timer = self.keeper, self.wheels, self._watch_timer
         self._note_run(now_s)
-        self.keeper.motors.note_line(event)
-        in_force, obeyed_m_s = self.keeper.motors.memory.in_force, None
+        keeper.motors.note_line(event)
+        in_force, obeyed_m_s = keeper.motors.memory.in_force, None
         if in_force.taken_s - in_force.before_s > LOST_LINES_S:
             obeyed_m_s = in_force.likely_m_s()  # the board waited for an echo, and obeyed an older command
-        seen = self.reader.read(event, obeyed_m_s or self.wheels.drive_state.setpoint_m_s)
+        seen = self.reader.read(event, obeyed_m_s or wheels.drive_state.setpoint_m_s)
         reading = seen.reading
-        self.keeper.loop_runs(now_s)
+        keeper.loop_runs(now_s)
         if reading.refused:
-            self._watch_timer.restart(now_s)
+            watch_timer.restart(now_s)
             if reading.jumped:
-                self.keeper.note_jump(reading.jumped)
-            self._watch_timer.note_activity(now_s)
+                keeper.note_jump(reading.jumped)
+            watch_timer.note_activity(now_s)
             self._act(now_s)
             return
-        self.keeper.note_reading(now_s, seen)
+        keeper.note_reading(now_s, seen)
         obeyed_m_s = in_force.likely_m_s() if seen.dt_s > LOST_LINES_S else None
-        self.wheels.regulate(self.keeper.decide(now_s, driven=self.is_driving), now_s, seen, obeyed_m_s)
-        duty = self.wheels.drive_state.duty
+        wheels.regulate(keeper.decide(now_s, driven=self.is_driving), now_s, seen, obeyed_m_s)
+        duty = wheels.drive_state.duty
         self._write_duty(duty)  # before the watches judge: a fault halts by the next write, in the same call
-        has_failed = self.keeper.watch_wheels(now_s, seen, self.reader.effort)
+        has_failed = keeper.watch_wheels(now_s, seen, self.reader.effort)
         self._note_command(now_s, duty)
         if has_failed:
             self._act(now_s)
-        self._watch_timer.restart(now_s)
-        if self.wheels.change_waits:
-            self.wheels.make_change()
-        if self.wheels.drive_state.duty != self._still or any(reading.travel_rad) or self._is_asked():
-            if self._watch_timer.memory.still_since_s is not None:
-                self._watch_timer.note_activity(now_s)
+        watch_timer.restart(now_s)
+        if wheels.change_waits:
+            wheels.make_change()
+        if wheels.drive_state.duty != self._still or any(reading.travel_rad) or self._is_asked():
+            if watch_timer.memory.still_since_s is not None:
+                watch_timer.note_activity(now_s)
         else:
-            self._watch_timer.note_stillness(now_s)
+            watch_timer.note_stillness(now_s)
         self.memory.steps += 1
-        self.keeper.publish_gate_state(now_s)
+        keeper.publish_gate_state(now_s)
         self._publish_wheels(event, seen)
         self.step_times.observe(perf_counter() - began_s)
 
@@ -321,10 +322,20 @@ class DriveService(StatefulPart[DriveServiceState]):
     def _publish_wheels(self, event: EncodersCounted, seen: WheelsRead) -> None:
         stamp_s, reading, excluded = event.stamp_s, seen.reading, seen.same_side.excluded
         position_rad, velocity_rad_s = reading.position_rad, reading.velocity_rad_s
-        times = stamp_s, event.arrival_s, event.board_s
-        self._bus.publish(WheelsMeasured(*times, position_rad, reading.travel_rad, velocity_rad_s, excluded))
-        targets, duty = self.wheels.targets_rad_s, self.wheels.drive_state.duty
-        self._bus.publish(WheelsDriven(stamp_s, position_rad, velocity_rad_s, targets, duty, excluded))
+        publish, wheels = self._bus.publish, self.wheels
+        publish(
+            WheelsMeasured(
+                stamp_s,
+                event.arrival_s,
+                event.board_s,
+                position_rad,
+                reading.travel_rad,
+                velocity_rad_s,
+                excluded,
+            )
+        )
+        targets, duty = wheels.targets_rad_s, wheels.drive_state.duty
+        publish(WheelsDriven(stamp_s, position_rad, velocity_rad_s, targets, duty, excluded))
 
     def _act(self, now_s: float, *, repeat: bool = True) -> None:
         """Step without a measurement; ``repeat`` writes the duty even when it has not changed. A stop always is.

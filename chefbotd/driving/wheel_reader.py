@@ -57,7 +57,7 @@ class WheelReader(StatefulPart[WheelReaderState]):
             self._parameters, self._signs, memory.encoders, event.counts, board_s, event.rate_counts_s
         )
         compared = memory.compared
-        if reading.refused:
+        if reading.jumped or reading.unconfirmed:
             self._refuse(event, reading)
             return WheelsRead(reading, 0.0, compared)
         if reading.recognised_narrow:

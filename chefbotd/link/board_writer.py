@@ -166,7 +166,7 @@ class BoardWriter(StatefulPart[WriterState]):
             self._clock.publish(LinkBytesWritten(now_s, BOARD_LINK, line * times))
         text = line.rstrip(b"\r\n")
         self.memory.lines_out += times
-        for _ in range(times):
-            self._lines.said.append((now_s, text))
-            if self._bus.has_listeners(LineSeen):
+        self._lines.said.extend(((now_s, text),) * times)
+        if self._bus.has_listeners(LineSeen):
+            for _ in range(times):
                 self._bus.publish(LineSeen(now_s, Direction.TO_BOARD, text))

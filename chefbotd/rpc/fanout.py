@@ -51,23 +51,22 @@ class Feed:
             for group in self.groups.values():
                 group.offer(now_s)
 
-    def json(self) -> bytes | None:
-        """The state as JSON, encoded once; None when there is none or (logged once) it cannot be sent."""
-        if self._json is None and self.state is not None:
+    def payload(self, now_s: float) -> EventPayload | None:
+        """The state, encoded once, as an event's payload; None when there is none or (logged once) it cannot be sent."""
+        json, topic = self._json, self.topic
+        if json is None:
+            if self.state is None:
+                return None
             try:
-                self._json = encode(self.topic.data(self.state))
+                json = self._json = encode(topic.data(self.state))
             except Exception:
                 if not self._faulty:
-                    log.exception("telemetry_fault", topic=self.topic.name, state=self.state)
-            self._faulty = self._json is None
-        return self._json
-
-    def payload(self, now_s: float) -> EventPayload | None:
-        """The state as an event's payload."""
-        json, age_s = self._json or self.json(), now_s - self.stamp_s
-        if json is None:
-            return None
-        return EventPayload(self.topic.name, self.seq, self.stamp_s, age_s if age_s > 0 else 0.0, json)
+                    log.exception("telemetry_fault", topic=topic.name, state=self.state)
+                self._faulty = True
+                return None
+            self._faulty = False
+        age_s = now_s - self.stamp_s
+        return EventPayload(topic.name, self.seq, self.stamp_s, age_s if age_s > 0 else 0.0, json)
 
 
 TIMER_RESOLUTION_S = 0.002

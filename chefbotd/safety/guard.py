@@ -222,7 +222,9 @@ def limit(
 
     The board obeys ``late_s`` later than usual. ``moved`` is how the wheels have moved the robot.
     """
-    allowed_m_s = [(beam, _allowed_m_s(params, beam, now_s, late_s, moved)) for beam in beams]
+    allowed_m_s: Allowed = []
+    for beam in beams:
+        allowed_m_s.append((beam, _allowed_m_s(params, beam, now_s, late_s, moved)))
     if isinstance(motion, WheelVelocities):
         return _limit_wheels(allowed_m_s, motion)
     return _limit_twist(allowed_m_s, motion)
