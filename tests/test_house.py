@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.house import House, main
+from tests.house import ROOT, House, main
+
+MOST_SMALL_FILES = 25
 
 FILES = {
     "shop/__init__.py": '"""A shop."""\n',
@@ -158,3 +160,9 @@ def test_the_command_prints_the_report_and_the_small_files(
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["files", "2", "median", "2", "lines"]
     assert lines[-1].split() == ["1", "chefbotd.part", "<-", "chefbotd.main"]
+
+
+def test_no_more_small_files_than_there_are() -> None:
+    """A file of under 60 lines that one other imports belongs into it, unless it is loaded later or by another process."""
+    small = House(ROOT).small_files_of_one()
+    assert len(small) <= MOST_SMALL_FILES, small

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from chefbotd.components.simulation.process.shared_loop import SharedClockLoop
+from chefbotd.components.simulation.process.hardware import SharedClockLoop
 from chefbotd.shared_clock import CATCHES_UP_S, START_S, TICK_S, ClockServer, SharedClock, next_due_s
 
 FAST = "1e6"

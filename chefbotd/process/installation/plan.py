@@ -1,6 +1,8 @@
 """Which steps install chefbotd as a service, and which remove it, planned from what is there."""
 
 import importlib.util
+import re
+import secrets
 import stat
 import tomllib
 from collections.abc import Iterator
@@ -8,7 +10,6 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from chefbotd.process.installation import texts
 from chefbotd.process.installation.steps import (
     Host,
     InstallationStep,
@@ -20,6 +21,18 @@ from chefbotd.process.installation.steps import (
     write,
 )
 from chefbotd.settings import load, packaged
+
+CONFIGURATION = "/etc/chefbotd/chefbot.toml"
+TOKENS = "/etc/chefbotd/tokens"
+CREDENTIAL = "chefbotd.tokens"
+DEVICE = "/dev/chefbot"
+USER = "chefbotd"
+SERIAL_GROUP = "dialout"
+
+SYSUSERS_TEXT = f"""# The user that the robot's daemon runs as: sysusers.d(5).
+u {USER} - "chefbotd robot daemon" /var/lib/chefbotd /usr/sbin/nologin
+m {USER} {SERIAL_GROUP}
+"""
 
 SERVICE = "chefbotd.service"
 UNIT = f"/etc/systemd/system/{SERVICE}"
@@ -52,15 +65,15 @@ def install(host: Host, request: InstallRequest) -> list[InstallationStep]:
     Raises:
         SettingsError: the configuration, that which is there already or else the wanted one, is not valid.
     """
-    steps = [file(host, SYSUSERS, texts.SYSUSERS), _user(host)]
-    steps += [folder(host, FOLDER, 0o755), folder(host, STATE, 0o750, texts.USER)]
+    steps = [file(host, SYSUSERS, SYSUSERS_TEXT), _user(host)]
+    steps += [folder(host, FOLDER, 0o755), folder(host, STATE, 0o750, USER)]
     steps += _configuration(host, request)
     steps.append(_tokens(host))
     templates = packaged().parent
     rule = file(host, RULE, (templates / "60-chefbot.rules").read_text(encoding="utf-8"))
     steps.append(rule)
     steps += _named(host, rule)
-    unit = file(host, UNIT, texts.unit((templates / SERVICE).read_text(encoding="utf-8"), request.program))
+    unit = file(host, UNIT, _unit_text((templates / SERVICE).read_text(encoding="utf-8"), request.program))
     steps += _program(host, request.program)
     return [*steps, unit, *_daemon_reload(host, unit), *(_started(host, unit) if request.start else ())]
 
@@ -78,9 +91,9 @@ def _named(host: Host, rule: InstallationStep) -> Iterator[InstallationStep]:
 
 
 def _user(host: Host) -> InstallationStep:
-    if host.has_user(texts.USER) and host.is_in_group(texts.USER, texts.SERIAL_GROUP):
-        return InstallationStep(f"user {texts.USER}, in the group {texts.SERIAL_GROUP}: unchanged")
-    doing = f"create the system user {texts.USER}, in the group {texts.SERIAL_GROUP}"
+    if host.has_user(USER) and host.is_in_group(USER, SERIAL_GROUP):
+        return InstallationStep(f"user {USER}, in the group {SERIAL_GROUP}: unchanged")
+    doing = f"create the system user {USER}, in the group {SERIAL_GROUP}"
     return command(host, doing, "systemd-sysusers", *_root_option(host), str(host.path(SYSUSERS)))
 
 
@@ -90,15 +103,15 @@ def _root_option(host: Host) -> tuple[str, ...]:
 
 def _configuration(host: Host, request: InstallRequest) -> Iterator[InstallationStep]:
     """Keep a configuration that exists, because people edit it. Otherwise install the robot's, or the named file."""
-    path, source, with_page = host.path(texts.CONFIGURATION), request.config, True
+    path, source, with_page = host.path(CONFIGURATION), request.config, True
     if source is None:
         with_page = _has_page(host, request.program)
-        text = texts.configuration(packaged(request.robot).read_text(encoding="utf-8"), with_page=with_page)
+        text = _configuration_text(packaged(request.robot).read_text(encoding="utf-8"), with_page=with_page)
     else:
         load(source)
         text = source.read_text(encoding="utf-8")
     if not path.exists():
-        yield file(host, texts.CONFIGURATION, text)
+        yield file(host, CONFIGURATION, text)
         if not with_page:
             yield InstallationStep(
                 f"its page is off, because {request.program} has no extra 'page' yet: [page] enabled = true turns it on"
@@ -108,9 +121,9 @@ def _configuration(host: Host, request: InstallRequest) -> Iterator[Installation
         return
     load(path)
     if path.read_text(encoding="utf-8") == text:
-        yield InstallationStep(f"{texts.CONFIGURATION}: unchanged")
+        yield InstallationStep(f"{CONFIGURATION}: unchanged")
     else:
-        yield InstallationStep(f"{texts.CONFIGURATION}: kept as it is (edited, or another robot's)")
+        yield InstallationStep(f"{CONFIGURATION}: kept as it is (edited, or another robot's)")
 
 
 def _has_page(host: Host, program: Path) -> bool:
@@ -141,14 +154,14 @@ def _description(host: Host, source: Path) -> Iterator[InstallationStep]:
 
 def _tokens(host: Host) -> InstallationStep:
     """Create the tokens once; existing ones stay valid."""
-    path = host.path(texts.TOKENS)
+    path = host.path(TOKENS)
     refuse_link(path)
     if not path.exists():
-        doing = f"write {texts.TOKENS} ({TOKEN_MODE:04o}, root), a token for each role"
-        return InstallationStep(doing, lambda: write(host, path, texts.tokens(), TOKEN_MODE))
+        doing = f"write {TOKENS} ({TOKEN_MODE:04o}, root), a token for each role"
+        return InstallationStep(doing, lambda: write(host, path, _tokens_text(), TOKEN_MODE))
     if stat.S_IMODE(path.stat().st_mode) != TOKEN_MODE:
-        return InstallationStep(f"let nobody but root read {texts.TOKENS}", lambda: path.chmod(TOKEN_MODE))
-    return InstallationStep(f"{texts.TOKENS}: unchanged")
+        return InstallationStep(f"let nobody but root read {TOKENS}", lambda: path.chmod(TOKEN_MODE))
+    return InstallationStep(f"{TOKENS}: unchanged")
 
 
 def _daemon_reload(host: Host, unit: InstallationStep) -> Iterator[InstallationStep]:
@@ -200,14 +213,43 @@ def _removed(host: Host) -> Iterator[InstallationStep]:
 def _purged(host: Host) -> Iterator[InstallationStep]:
     for name in (FOLDER, STATE, CACHE, RUNTIME):
         yield remove(host, name)
-    if not host.has_user(texts.USER):
-        yield InstallationStep(f"user {texts.USER}: not there")
+    if not host.has_user(USER):
+        yield InstallationStep(f"user {USER}: not there")
     else:
         root = () if host.is_running else ("--root", str(host.root))
-        yield command(host, "remove the user", "userdel", *root, texts.USER)
+        yield command(host, "remove the user", "userdel", *root, USER)
 
 
 def _kept(host: Host) -> Iterator[InstallationStep]:
     for name, what in ((FOLDER, "configuration and tokens"), (STATE, "maps and recordings")):
         if host.path(name).exists():
             yield InstallationStep(f"{name}: kept ({what}); --purge removes it")
+
+
+def _unit_text(packaged: str, program: Path) -> str:
+    """The systemd unit that comes with chefbotd, for this program."""
+    start = f"ExecStart={_quoted(program)} run --config {CONFIGURATION}"
+    return re.sub(r"^ExecStart=.*$", lambda _: start, packaged, count=1, flags=re.MULTILINE)
+
+
+def _configuration_text(packaged: str, *, with_page: bool) -> str:
+    """A packaged robot's configuration for a service: the board by its stable name, tokens, and the page."""
+    device = f'[link]\ndevice = "{DEVICE}"'
+    text, replaced = re.subn(r'^\[link\]\ndevice = "[^"]*"', device, packaged, count=1, flags=re.MULTILINE)
+    own = [] if replaced else [device]
+    own.append(f'[api]\ntoken_credential = "{CREDENTIAL}"  # {TOKENS}, by way of the unit')
+    if with_page:
+        own.append("[page]\nenabled = true")
+    return "\n\n".join([text.rstrip("\n"), *own]) + "\n"
+
+
+def _tokens_text() -> str:
+    """A random token for each role."""
+    lines = [f"{role} {secrets.token_hex(32)}\n" for role in ("admin", "drive", "agent", "guest", "observe")]
+    return f"# ROLE TOKEN: whoever shows the token has the role. docs/api.md, 'Who may do what'.\n{''.join(lines)}"
+
+
+def _quoted(program: Path) -> str:
+    """A path, quoted as systemd.service(5) asks."""
+    text = str(program).replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
+    return f'"{text}"' if " " in text else text

@@ -10,11 +10,11 @@ import click
 
 from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
-from chefbotd.cli.common.context import CommandContext, beside
+from chefbotd.cli.common.context import CommandContext, beside, run_until_signalled
+from chefbotd.cli.common.credentials import credentials
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.client import Client
+from chefbotd.client import ChefbotError, Client
 from chefbotd.client.errors import GoalNotReached
-from chefbotd.components.navigation.cli.completion import complete_places
 
 if TYPE_CHECKING:
     from chefbotd.components.navigation.cli.view import NavigationScene, Show
@@ -25,6 +25,31 @@ OLD_S = 2.0
 """A pose that is older is told with its age."""
 
 NEEDS_LIDAR = "this robot does not navigate: its configuration has no [[lidar]], or [worker] enabled = false"
+
+
+PATIENCE_S = 1.0
+"""A shell that waits longer seems to hang."""
+
+
+def complete_places(ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[str]:
+    """The names that begin so, whatever the case; none where no daemon answers soon."""
+    given = ctx.find_root().params
+    if given.get("where") is None:
+        return []
+    try:
+        shown = credentials(
+            given.get("token_file"), given.get("ca"), clear_token=bool(given.get("clear_token"))
+        )
+        context = CommandContext(given["where"], run=ctx.obj or run_until_signalled, credentials=shown)
+        names = context.run_with_client(_places)
+    except (ProgramError, ChefbotError, click.UsageError, TimeoutError, OSError):
+        return []
+    return [name for name in names if name.casefold().startswith(incomplete.casefold())]
+
+
+async def _places(robot: Client) -> list[str]:
+    async with asyncio.timeout(PATIENCE_S):
+        return [place.name for place in (await robot.list_places()).places]
 
 
 @click.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
