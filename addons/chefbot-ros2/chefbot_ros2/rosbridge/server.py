@@ -36,7 +36,7 @@ from chefbotd.process.watchdog import raise_priority
 from chefbotd.rpc.arrivals import SHORT_TICK_S, Arrivals
 from chefbotd.rpc.connection_manager import ConnectionManager
 from chefbotd.rpc.control_leases import ControlLeases
-from chefbotd.rpc.jsonrpc import Failure
+from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.method import Receiver
 from chefbotd.rpc.parameters import ApiParameters, Role, is_loopback
 from chefbotd.rpc.session import Session
@@ -212,7 +212,7 @@ class Server:
                 await connection.over.wait()
                 await client.finish_stops()
         except* ChefbotError as problems:
-            connection.end(Failure("internal", str(first_of(problems))))
+            connection.end(Failure(ErrorKind.INTERNAL, str(first_of(problems))))
             await connection.gone.wait()
         finally:
             self._hub.remove(client)
