@@ -163,6 +163,6 @@ def test_the_command_prints_the_report_and_the_small_files(
 
 
 def test_no_more_small_files_than_there_are() -> None:
-    """A file of under 60 lines that one other imports belongs into it, unless it is loaded later or by another process."""
+    """A file of under 60 lines that one other imports belongs into it, unless it is loaded later."""
     small = House(ROOT).small_files_of_one()
     assert len(small) <= MOST_SMALL_FILES, small

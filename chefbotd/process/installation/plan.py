@@ -73,7 +73,7 @@ def install(host: Host, request: InstallRequest) -> list[InstallationStep]:
     rule = file(host, RULE, (templates / "60-chefbot.rules").read_text(encoding="utf-8"))
     steps.append(rule)
     steps += _named(host, rule)
-    unit = file(host, UNIT, _unit_text((templates / SERVICE).read_text(encoding="utf-8"), request.program))
+    unit = file(host, UNIT, unit_text((templates / SERVICE).read_text(encoding="utf-8"), request.program))
     steps += _program(host, request.program)
     return [*steps, unit, *_daemon_reload(host, unit), *(_started(host, unit) if request.start else ())]
 
@@ -106,7 +106,7 @@ def _configuration(host: Host, request: InstallRequest) -> Iterator[Installation
     path, source, with_page = host.path(CONFIGURATION), request.config, True
     if source is None:
         with_page = _has_page(host, request.program)
-        text = _configuration_text(packaged(request.robot).read_text(encoding="utf-8"), with_page=with_page)
+        text = configuration_text(packaged(request.robot).read_text(encoding="utf-8"), with_page=with_page)
     else:
         load(source)
         text = source.read_text(encoding="utf-8")
@@ -158,7 +158,7 @@ def _tokens(host: Host) -> InstallationStep:
     refuse_link(path)
     if not path.exists():
         doing = f"write {TOKENS} ({TOKEN_MODE:04o}, root), a token for each role"
-        return InstallationStep(doing, lambda: write(host, path, _tokens_text(), TOKEN_MODE))
+        return InstallationStep(doing, lambda: write(host, path, tokens_text(), TOKEN_MODE))
     if stat.S_IMODE(path.stat().st_mode) != TOKEN_MODE:
         return InstallationStep(f"let nobody but root read {TOKENS}", lambda: path.chmod(TOKEN_MODE))
     return InstallationStep(f"{TOKENS}: unchanged")
@@ -226,13 +226,13 @@ def _kept(host: Host) -> Iterator[InstallationStep]:
             yield InstallationStep(f"{name}: kept ({what}); --purge removes it")
 
 
-def _unit_text(packaged: str, program: Path) -> str:
+def unit_text(packaged: str, program: Path) -> str:
     """The systemd unit that comes with chefbotd, for this program."""
     start = f"ExecStart={_quoted(program)} run --config {CONFIGURATION}"
     return re.sub(r"^ExecStart=.*$", lambda _: start, packaged, count=1, flags=re.MULTILINE)
 
 
-def _configuration_text(packaged: str, *, with_page: bool) -> str:
+def configuration_text(packaged: str, *, with_page: bool) -> str:
     """A packaged robot's configuration for a service: the board by its stable name, tokens, and the page."""
     device = f'[link]\ndevice = "{DEVICE}"'
     text, replaced = re.subn(r'^\[link\]\ndevice = "[^"]*"', device, packaged, count=1, flags=re.MULTILINE)
@@ -243,7 +243,7 @@ def _configuration_text(packaged: str, *, with_page: bool) -> str:
     return "\n\n".join([text.rstrip("\n"), *own]) + "\n"
 
 
-def _tokens_text() -> str:
+def tokens_text() -> str:
     """A random token for each role."""
     lines = [f"{role} {secrets.token_hex(32)}\n" for role in ("admin", "drive", "agent", "guest", "observe")]
     return f"# ROLE TOKEN: whoever shows the token has the role. docs/api.md, 'Who may do what'.\n{''.join(lines)}"

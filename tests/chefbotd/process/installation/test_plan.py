@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from chefbotd.process.installation import plan, texts
+from chefbotd.process.installation import plan
 from chefbotd.process.installation.steps import CommandEnded, Host, InstallationStep, InstallError, carry_out
 from chefbotd.rpc.access import Keyring
 from chefbotd.rpc.parameters import Role
@@ -111,11 +111,11 @@ def test_everything_that_the_service_needs_is_there(computer: Computer):
 def test_the_tokens_open_the_socket_one_for_each_role(computer: Computer):
     """Each is new in each installation."""
     computer.install()
-    text = computer.text(texts.TOKENS)
+    text = computer.text(plan.TOKENS)
     ring = Keyring.parse(text, "tokens")
     roles = dict(line.split() for line in text.splitlines() if not line.startswith("#"))
     assert {ring.role_of(token) for token in roles.values()} == set(Role)
-    assert texts.tokens() != text
+    assert plan.tokens_text() != text
 
 
 @pytest.mark.parametrize("robot", ["chefbot", "khan"])
@@ -187,7 +187,7 @@ def test_a_configuration_of_ones_own_is_copied_with_its_description(computer: Co
     text = full().read_text().replace('# description = "my.urdf"', 'description = "mine.urdf"')
     (own / "robot.toml").write_text(text)
     computer.install(config=own / "robot.toml")
-    assert computer.text(texts.CONFIGURATION) == text
+    assert computer.text(plan.CONFIGURATION) == text
     assert load(computer.root / "etc/chefbotd/chefbot.toml").robot.description is not None
 
 
@@ -223,7 +223,7 @@ def test_what_is_removed_and_what_stays(computer: Computer):
     steps = computer.uninstall()
     assert not (computer.root / plan.UNIT.removeprefix("/")).exists()
     assert not (computer.root / plan.WANTED_BY.removeprefix("/")).is_symlink()
-    assert computer.text(texts.CONFIGURATION)
+    assert computer.text(plan.CONFIGURATION)
     assert "/etc/chefbotd: kept (configuration and tokens); --purge removes it" in [s.told for s in steps]
     computer.uninstall(purge=True)
     assert not (computer.root / "etc/chefbotd").exists()
@@ -318,7 +318,7 @@ def test_without_a_start_nothing_is_enabled_and_what_runs_goes_on(tmp_path: Path
 
 def test_a_path_is_quoted_as_systemd_reads_it():
     """Spaces, and what systemd would take for a specifier or a variable."""
-    line = texts.unit("ExecStart=/old run\n", Path("/opt/my robots/100% $HOME/chefbotd"))
+    line = plan.unit_text("ExecStart=/old run\n", Path("/opt/my robots/100% $HOME/chefbotd"))
     assert (
         line == 'ExecStart="/opt/my robots/100%% $$HOME/chefbotd" run --config /etc/chefbotd/chefbot.toml\n'
     )
