@@ -7,8 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
+from chefbot_fleet.demo.programs import Program
 from chefbot_fleet.demo.report import Measured, report
 from chefbot_fleet.demo.story import Demonstration
 from chefbot_fleet.roadmap import Point
@@ -63,6 +65,20 @@ def test_an_order_that_does_not_end_fails_the_demonstration(
     told = capsys.readouterr().out
     assert "Given up: no order has ended for 5 s" in told
     assert "4 loads and unloads lost" in told
+
+
+def test_a_program_that_ends_at_its_start_says_why(tmp_path: Path) -> None:
+    """Its log is gone with the demonstration: the last line of it is the error."""
+    words = (
+        sys.executable,
+        "-c",
+        "print('starting'); raise SystemExit('there is no C compiler: install one')",
+    )
+    program = Program(tmp_path / "robot.log", *words, port=reserve_port())
+    with pytest.raises(
+        click.ClickException, match=r"python\S* has ended: there is no C compiler: install one$"
+    ):
+        asyncio.run(program.start())
 
 
 @pytest.mark.slow

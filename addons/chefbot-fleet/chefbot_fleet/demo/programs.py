@@ -39,7 +39,7 @@ class Program:
         """Run, and wait until it is ready.
 
         Raises:
-            click.ClickException: it has ended instead.
+            click.ClickException: it has ended instead, with its last words.
         """
         with self._log.open("ab") as log:
             self._process = await asyncio.create_subprocess_exec(
@@ -49,7 +49,8 @@ class Program:
         async with asyncio.timeout(STARTS_WITHIN_S):
             while not await self._is_ready():
                 if self._process.returncode is not None:
-                    raise click.ClickException(f"{self._words[0]} has ended: see {self._log}")
+                    said = self._log.read_text(encoding="utf-8", errors="replace").strip()
+                    raise click.ClickException(f"{self._words[0]} has ended: {said.rpartition(chr(10))[2]}")
                 await asyncio.sleep(0.05)
 
     async def _is_ready(self) -> bool:
