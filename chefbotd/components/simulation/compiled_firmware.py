@@ -88,7 +88,7 @@ def compile_core(sources: Path) -> bytes:
             "the simulated board cannot run our own firmware, which has to be compiled, and there is no C compiler: "
             "install one (Debian: apt-get install gcc), or let it run a published sketch (--sketch tiva)"
         )
-    names = [str(path.relative_to(sources)) for path in _files(sources) if path.suffix == ".c"]
+    names = [str(path.relative_to(sources)) for path in source_files(sources) if path.suffix == ".c"]
     with tempfile.TemporaryDirectory(prefix="chefbotd-") as scratch:
         library = Path(scratch) / LIBRARY
         command = [compiler, *FLAGS, "-o", str(library), *names]
@@ -98,7 +98,7 @@ def compile_core(sources: Path) -> bytes:
         return library.read_bytes()
 
 
-def _files(sources: Path) -> list[Path]:
+def source_files(sources: Path) -> list[Path]:
     """What the library is made of, in the order in which it is compiled."""
     host = [sources / "host" / name for name in ("board.h", "fake_hal.h", "simulated.h")]
     host += [sources / "host" / name for name in ("fake_hal.c", "drive.c", "simulated.c")]
@@ -108,7 +108,7 @@ def _files(sources: Path) -> list[Path]:
 def _fingerprint(sources: Path) -> str:
     """Another one for other sources, flags or computers."""
     digest = hashlib.sha256(" ".join([*FLAGS, platform.machine()]).encode())
-    for path in _files(sources):
+    for path in source_files(sources):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -3,6 +3,7 @@
 import ctypes
 import gc
 import shutil
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -17,9 +18,11 @@ from chefbotd.components.simulation.compiled_firmware import (
     load_core,
     packaged_firmware,
     read_core,
+    source_files,
 )
 from tests.firmware.host import seal
 
+ROOT = Path(__file__).parents[4]
 BYTE_US = 1e6 / 11_520
 STANDING = (0.0, 0.0)
 
@@ -92,6 +95,17 @@ def test_it_is_compiled_once(tmp_path: Path, sources: Path, monkeypatch: pytest.
     header.write_text(header.read_text().replace("FIRMWARE_MINOR 1", "FIRMWARE_MINOR 2"))
     with pytest.raises(NoCompilerError):
         read_core(sources, tmp_path / "cache")
+
+
+@pytest.mark.skipif(not (ROOT / "firmware").is_dir(), reason="a wheel has compiled it already")
+def test_a_wheel_has_all_that_is_compiled():
+    """Each file that a compiler reads is put into the wheel, at the place where it is looked for."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    included = project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
+    for path in source_files(ROOT / "firmware"):
+        name = str(path.relative_to(ROOT))
+        source = name if name in included else str(path.parent.relative_to(ROOT))
+        assert included[source] == source.replace("firmware/", "chefbotd/firmware_sources/")
 
 
 def test_what_lies_beside_its_sources_needs_no_compiler(tmp_path: Path, sources: Path, no_compiler: None):
