@@ -79,6 +79,7 @@ class SocketConnection(asyncio.Protocol):
             self._framing.encode,
             self._framing.event,
             self._framing.describe_drops,
+            self._plain,
         )
         greeting = self._manager.add(self)
         if greeting:

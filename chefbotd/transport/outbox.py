@@ -9,6 +9,7 @@ was written before them.
 
 import asyncio
 import itertools
+import socket
 from collections import Counter, OrderedDict
 from collections.abc import Callable
 
@@ -29,6 +30,7 @@ class Outbox:
 
     Answers come encoded already; ``encode_event`` does so with events, and ``encode`` with what the outbox itself has to
     say: ``describe_drops`` makes that, and where it is empty nothing is said.
+    ``plain`` is the transport's own socket, where what it holds is not encrypted: an event goes there at once.
     ``give_up`` is called when the client has read nothing for ``timeout_s``, and ends the connection.
     """
 
@@ -41,10 +43,12 @@ class Outbox:
         encode: Callable[[bytes], bytes],
         encode_event: Callable[[EventPayload], bytes],
         describe_drops: Callable[[Dropped], bytes] = describe_drops,
+        plain: socket.socket | None = None,
     ) -> None:
         self._transport, self._parameters, self._all_drops = transport, parameters, drops
         self._give_up, self._encode, self._describe_drops = give_up, encode, describe_drops
         self._encode_event, self._write = encode_event, transport.write
+        self._buffered, self._send = transport.get_write_buffer_size, None if plain is None else plain.send
         self._waiting: OrderedDict[tuple[str, int], bytes] = OrderedDict()
         self._waiting_bytes = 0
         self._order = itertools.count(1)
@@ -74,10 +78,22 @@ class Outbox:
         """Write an event at once, or keep it by the policy."""
         if self.closing:
             return
+        data = self._encode_event(payload)
         if self.blocked:
-            self.telemetry(payload.topic, latest, self._encode_event(payload))
+            self.telemetry(payload.topic, latest, data)
+        elif self._send is None or self._buffered():
+            self._write(data)
         else:
-            self._write(self._encode_event(payload))
+            self._send_now(self._send, data)
+
+    def _send_now(self, send: Callable[[bytes, int], int], data: bytes) -> None:
+        """Hand bytes to the kernel past the transport, which has none; it takes what the kernel does not."""
+        try:
+            sent = send(data, socket.MSG_DONTWAIT)
+        except OSError:  # the kernel's buffer is full, or the client has gone, as the transport will see
+            sent = 0
+        if sent < len(data):
+            self._write(data[sent:])
 
     def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
         """The same of one that is encoded."""

@@ -66,6 +66,20 @@ def test_the_greeting_tells_the_link() -> None:
 
 
 @pytest.mark.parametrize("run", [run_virtual, uvloop.run])
+def test_an_event_never_overtakes_the_answer_before_it(run: Callable[[Any], None]) -> None:
+    """A snapshot is sent in the turn of the loop that has answered ``subscribe``, and comes behind that answer."""
+
+    async def scenario(served: Served, client: LineClient) -> None:
+        served.bus.publish(TextReceived(1.0, "hi"))
+        for number in range(1, 4):
+            client.request("subscribe", number, topics=["text"])
+            assert (await client.read())["id"] == number
+            assert (await client.read())["params"]["data"] == {"text": "hi"}
+
+    with_client(scenario, run=run)
+
+
+@pytest.mark.parametrize("run", [run_virtual, uvloop.run])
 def test_drive_and_telemetry_end_to_end(run: Callable[[Any], None]) -> None:
     """On asyncio's loop and on uvloop: a drive reaches the robot, an event every subscriber."""
 

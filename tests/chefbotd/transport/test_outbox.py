@@ -2,9 +2,11 @@
 
 import asyncio
 import json
+import socket
 from collections import Counter
 
 from chefbotd.clock import run_virtual
+from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.transport.framing import LineFraming
 from chefbotd.transport.outbox import Outbox
@@ -14,10 +16,11 @@ LIMITS = ApiParameters(write_buffer_bytes=4096, outbox_bytes=4096, write_timeout
 FILL = b"x" * 5000  # more than the write buffer takes before it pauses
 
 
-def outbox() -> tuple[Outbox, FakeTransport, Counter[str]]:
-    """An outbox on a fake socket, and the count of all clients' drops."""
+def outbox(plain: socket.socket | None = None) -> tuple[Outbox, FakeTransport, Counter[str]]:
+    """An outbox on a fake transport, and the count of all clients' drops; ``plain`` is the transport's socket."""
     transport, drops = FakeTransport(), Counter[str]()
-    box = Outbox(transport, LIMITS, drops, transport.abort, LineFraming().encode, LineFraming.event)
+    framing = LineFraming()
+    box = Outbox(transport, LIMITS, drops, transport.abort, framing.encode, framing.event, plain=plain)
     transport.pause_writing, transport.resume_writing = box.hold_back, box.resume
     return box, transport, drops
 
@@ -250,5 +253,64 @@ def test_a_stop_behind_a_long_answer_is_answered() -> None:
             box.reply(b"stopped")
             assert transport.written[-1] == b"stopped"
             transport.client_takes(50_000)
+
+    run_virtual(scenario())
+
+
+def event(data: bytes) -> EventPayload:
+    """An event of the topic ``text``."""
+    return EventPayload("text", 1, 0.0, 0.0, data)
+
+
+def test_an_event_goes_to_the_socket_past_a_transport_that_holds_nothing() -> None:
+    """The line is in the kernel at once; behind what the transport still holds it waits its turn."""
+
+    async def scenario() -> None:
+        ours, theirs = socket.socketpair()
+        with ours, theirs:
+            box, transport, _ = outbox(ours)
+            box.write_event(event(b"1"), True)
+            assert theirs.recv(4096) == LineFraming.event(event(b"1"))
+            assert transport.written == []
+            transport.client_reads = False
+            box.reply(b"an answer")
+            box.write_event(event(b"2"), True)
+            assert transport.written == [b"an answer", LineFraming.event(event(b"2"))]
+
+    run_virtual(scenario())
+
+
+def test_what_the_kernel_does_not_take_goes_to_the_transport() -> None:
+    """Its buffer takes a part of a long event, and nothing of a next one: no byte is lost, and none is sent twice."""
+
+    async def scenario() -> None:
+        ours, theirs = socket.socketpair()
+        with ours, theirs:
+            ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+            ours.setblocking(False)
+            box, transport, _ = outbox(ours)
+            long, short = event(b"x" * 1_000_000), event(b"2")
+            box.write_event(long, True)
+            taken = theirs.recv(1_000_000, socket.MSG_PEEK)
+            assert 0 < len(taken) < 1_000_000
+            assert b"".join([taken, *transport.written]) == LineFraming.event(long)
+            transport.written.clear()
+            box.resume()
+            box.write_event(short, True)
+            assert transport.written == [LineFraming.event(short)]
+
+    run_virtual(scenario())
+
+
+def test_an_event_for_a_client_that_has_gone_is_the_transports_to_refuse() -> None:
+    """Its socket is closed: nothing is raised, and no other file that has its number now gets it."""
+
+    async def scenario() -> None:
+        ours, theirs = socket.socketpair()
+        box, transport, _ = outbox(ours)
+        ours.close()
+        theirs.close()
+        box.write_event(event(b"1"), True)
+        assert transport.written == [LineFraming.event(event(b"1"))]
 
     run_virtual(scenario())
