@@ -101,7 +101,7 @@ void simulated_line_ended(void)
     const uint32_t length = in_ring - wire.in_ring;
     const double now_us = (double)board.now_us;
     wire.idle_us = ((wire.idle_us > now_us) ? wire.idle_us : now_us) + ((double)length * wire.byte_us);
-    wire.lines[wire.end_of_lines % MOST_LINES] = (struct sent_line){rounded_up(wire.idle_us), length};
+    wire.lines[wire.end_of_lines % MOST_LINES] = (struct sent_line){rounded_up(wire.idle_us - ROUNDING_US), length};
     wire.end_of_lines++;
     wire.in_ring = in_ring;
 }
