@@ -53,7 +53,7 @@ def never() -> bool:
     return False
 
 
-def job(source: str, seed: int = 1, *, limit_s: float = 60.0, patience_s: float = 100.0) -> Job:
+def job(source: str, seed: int = 1, *, limit_s: float = 60.0, patience_s: float = 600.0) -> Job:
     """A run in the flat."""
     return Job("program.py", source, "flat", seed, limit_s, patience_s)
 
