@@ -16,14 +16,23 @@ import numpy as np
 from pydantic import BaseModel
 
 from chefbotd.bus import Bus, HandlerFailure, Inbox
+from chefbotd.components.maps.parts import Cache
+from chefbotd.components.maps.robot_pose import RobotPose
+from chefbotd.components.maps.storage.store import MapStore
+from chefbotd.components.recording.replay.build import RecordedLatch
 from chefbotd.components.recording.replay.stand_ins import UnheardProgress
 from chefbotd.components.worker.channel import Channel
 from chefbotd.components.worker.replayed import ReplayedWorker
 from chefbotd.core.record import StatefulPart
 from chefbotd.inputs import InputLog, InputTimer
+from chefbotd.link.board_writer import LineRing
 from chefbotd.logs import RateLimitedLog
 from chefbotd.metrics import Histogram, Metrics
+from chefbotd.process.latch_file import LatchFile
 from chefbotd.rpc.jobs import ProgressReporter
+from chefbotd.rpc.repeats import RepeatableRequest
+from chefbotd.rpc.session import Session, TokenBucket
+from firmware_protocol.decoder import ReadShape
 
 OURS = ("chefbotd", "firmware_protocol", "tests")
 
@@ -43,6 +52,20 @@ WIRING = (
     ReplayedWorker,
 )
 """How parts are connected, what they count of themselves, and what never changes."""
+
+OUTSIDE: Mapping[type[Any], str] = {
+    Cache: "answers from the disk, which are recorded",
+    LatchFile: "of the disk",
+    LineRing: "for the log",
+    MapStore: "of the disk",
+    ReadShape: "learnt from what comes, and faster than the table that it stands for",
+    RecordedLatch: "of the disk, in a replay",
+    RepeatableRequest: "a client's line, of which a recording has what it says",
+    RobotPose: "where a place is saved, which is an answer from the disk",
+    Session: "a connection; of who it is the leases have a record",
+    TokenBucket: "admits requests, and those in a recording were admitted",
+}
+"""Objects from which nothing follows that a replay computes, and why."""
 
 
 def attributes(parts: Mapping[str, object]) -> dict[str, Any]:
@@ -78,7 +101,9 @@ def _values(value: Any, path: str, seen: set[int]) -> Iterator[tuple[str, Any]]:
         yield path, len(value)
         for index, each in enumerate(value):
             yield from _values(each, f"{path}[{index}]", seen)
-    elif _is_code(value) or isinstance(value, (*WIRING, asyncio.BaseTransport, type(threading.Lock()))):
+    elif _is_code(value) or isinstance(
+        value, (*WIRING, *OUTSIDE, asyncio.BaseTransport, type(threading.Lock()))
+    ):
         return
     elif type(value).__module__.partition(".")[0] in OURS:
         yield from _of_object(value, path, seen)
@@ -145,7 +170,7 @@ def _objects(waiting: list[Any]) -> Iterator[Any]:
         value = waiting.pop()
         if (
             id(value) in seen
-            or isinstance(value, (type, str, bytes, *WIRING))
+            or isinstance(value, (type, str, bytes, *WIRING, *OUTSIDE))
             or _is_frozen(value)
             or _is_code(value)
         ):
