@@ -18,19 +18,31 @@ from chefbotd.core.record import Record
 from chefbotd.rpc.encoding import plain
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.models import Params
+from tests.chefbotd.client import api_page
 from tests.chefbotd.client.api_page import Pair, inputs_of, is_possible, page
 from tests.chefbotd.client.generate import written
 from tests.fakes.example import example
 from tests.fakes.robot import methods_of_socket, topics_of
 
 METHODS, TOPICS = methods_of_socket(), topics_of(simulated=True)
-WRITTEN = written(METHODS, TOPICS)
+FILES = ("models.py", "generated.py", "generated_sync.py", *(["api.md"] if api_page.PAGE.exists() else []))
 
 
-@pytest.mark.parametrize("path", WRITTEN, ids=lambda path: path.name)
-def test_what_is_written_is_what_follows_from_the_methods_and_topics(path: Path) -> None:
+@pytest.fixture(scope="module")
+def files() -> dict[str, tuple[Path, str]]:
+    """Each file and what it should say; it is made for these tests alone, not wherever tests are collected."""
+    made = {path.name: (path, text) for path, text in written(METHODS, TOPICS).items()}
+    assert set(made) == set(FILES)
+    return made
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_what_is_written_is_what_follows_from_the_methods_and_topics(
+    files: dict[str, tuple[Path, str]], name: str
+) -> None:
     """A method or topic that was added, changed or removed is in the client and in docs/api.md."""
-    assert path.read_text(encoding="utf-8") == WRITTEN[path], f"{path.name} is out of date: run `make client`"
+    path, text = files[name]
+    assert path.read_text(encoding="utf-8") == text, f"{name} is out of date: run `make client`"
 
 
 class Recorder(GeneratedMethods):
