@@ -242,11 +242,14 @@ def obstacles_seen(
     ``walked_s`` is when a person last walked over each cell. If the lidar saw nothing there since, that was the person,
     and is excluded. What it has seen there for longer than a person stands is a chair beside him.
     """
-    occupied = is_occupied(live, now_s) & (fixed_m > EXPLAINED_M)
+    rows, columns = np.nonzero(is_occupied(live, now_s) & (fixed_m > EXPLAINED_M))
     if walked_s is not None:
-        stood = live.scan_s - live.since_s > WALKER_S
-        occupied &= (live.scan_s > walked_s) | (live.range_s > now_s - RANGE_KEPT_S) | stood
-    return live.at_m[occupied]
+        seen_s = live.scan_s[rows, columns]
+        stood = seen_s - live.since_s[rows, columns] > WALKER_S
+        is_heard = live.range_s[rows, columns] > now_s - RANGE_KEPT_S
+        kept = (seen_s > walked_s[rows, columns]) | is_heard | stood
+        rows, columns = rows[kept], columns[kept]
+    return live.at_m[rows, columns]
 
 
 def is_occupied(live: LiveObstacles, now_s: float) -> Flags:

@@ -131,7 +131,7 @@ class WorldModel:
         self._is_unmapped: NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._intent_m_s = np.zeros((0, 2))
         self._is_walker: NDArray[np.bool_] = np.zeros(0, np.bool_)
-        self._walked_s = np.full(self.ground.costs.shape, -math.inf)  # when a walker was on a cell
+        self._walked_s: Floats | None = None  # when a walker was on a cell; made for the first one
         self._seen_from = Pose2D()
         self._closed: list[tuple[float, Floats]] = []
         self.scan_stamp_s = -math.inf
@@ -211,7 +211,7 @@ class WorldModel:
     def _forget_seen(self, pose: Pose2D) -> None:
         """Forget what was seen from a pose that was wrong, and where the robot came from."""
         self._live, self._movers, self._noise = nothing_seen(self.frame), (), Noise()
-        self._walked_s.fill(-math.inf)
+        self._walked_s = None
         self._closed, self.trail = [], ()
         self.things, self.ground = forgotten(self.things), self._mapped
         self._gone.fill(False)
@@ -239,8 +239,12 @@ class WorldModel:
         self._low = see_scan(before, self.frame, seen.stamp_s, sensor, points)
 
     def _mark_walked(self, points_m: Floats, stamp_s: float) -> None:
+        if not len(points_m):
+            return
         columns, rows = np.floor(points_m / self.frame.resolution_m).astype(np.int64).T
         inside = (rows >= 0) & (rows < self.frame.rows) & (columns >= 0) & (columns < self.frame.columns)
+        if self._walked_s is None:
+            self._walked_s = np.full(self.ground.costs.shape, -math.inf)
         self._walked_s[rows[inside], columns[inside]] = stamp_s
 
     def add_range(
@@ -315,7 +319,7 @@ class WorldModel:
     def may_leave(self, place: Floats, now_s: float) -> bool:
         """Whether a person who may leave is at a place of the grid: he walked there, and has not stood for long."""
         cell = self.frame.cell(float(place[0]), float(place[1]))
-        if cell is None:
+        if cell is None or self._walked_s is None:
             return False
         reach = math.ceil(AT_PLACE_M / self.frame.resolution_m)
         box = tuple(slice(max(at - reach, 0), at + reach + 1) for at in cell)

@@ -45,12 +45,12 @@ def keep_out_cells(zones: Zones, frame: GridFrame) -> Flags:
 
 
 def speed_limits_m_s(zones: Zones, frame: GridFrame) -> Floats:
-    """For each cell how fast its zones let the robot go: infinite where there is none."""
-    limits = np.full((frame.rows, frame.columns), np.inf)
+    """For each cell how fast its zones let the robot go: infinite where there is none. Not to be written to."""
+    limits: Floats = np.broadcast_to(np.inf, (frame.rows, frame.columns))  # one number, as for most maps
     for zone in zones.slow:
         if zone.enabled:
             inside = _inside(frame.to_grid(np.array(zone.corners_m)), frame)
-            limits[inside] = np.minimum(limits[inside], zone.max_speed_m_s)
+            limits = np.where(inside, np.minimum(limits, zone.max_speed_m_s), limits)
     return limits
 
 
