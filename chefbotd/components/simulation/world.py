@@ -89,7 +89,7 @@ class RayCaster:
         if not len(number):
             count = len(origins)
             return Hits(np.full(count, np.inf), np.full(count, NOTHING), np.ones(count))
-        range_m, column, square = self._find_nearest(self._walls[:, number], origins, cos, sin)
+        range_m, column, square = self._find_nearest(self._walls.take(number, axis=1), origins, cos, sin)
         return Hits(range_m, np.where(column == NOTHING, NOTHING, number[column]), square)
 
     def _in_sight(self, origins: Vector, bearings_rad: Vector) -> npt.NDArray[np.intp]:
@@ -107,9 +107,7 @@ class RayCaster:
     def _refer(self, place: Vector) -> None:
         """Work out each wall's span of bearings as seen from about this place; those out of reach are passed over."""
         self._reference = place
-        if (
-            COMPILER in sys.modules
-        ):  # a worker that runs in this process has loaded it; nobody else waits for it
+        if COMPILER in sys.modules:  # loaded by a worker in this process; nobody else waits for it
             from chefbotd.components.simulation import compiled_beams
 
             self._find_nearest = compiled_beams.find_nearest
