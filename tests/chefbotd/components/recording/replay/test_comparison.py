@@ -34,6 +34,20 @@ def test_what_is_the_same_is_counted() -> None:
     assert comparison.first is None
 
 
+def test_another_order_of_the_fields_is_no_difference_and_another_kind_of_number_is_one() -> None:
+    """A version may declare the fields anew; a zero below zero, and a whole number for a float, is another value."""
+    recorded = [Recorded(7, "DutyWritten", b'{"stamp_s":5.0,"duty":[0.0]}')]
+    same, other = Comparison(), Comparison()
+    assert same.add(READ, recorded, [("DutyWritten", b'{"duty":[0.0],"stamp_s":5.0}')])
+    assert same.first is None
+    for text in (b"-0.0", b"0"):
+        assert not other.add(READ, recorded, [("DutyWritten", b'{"stamp_s":5.0,"duty":[%b]}' % text)])
+    assert str(other.first) == (
+        'at 5.000000 s, after 34 bytes from board: DutyWritten: recorded DutyWritten {"stamp_s":5.0,"duty":[0.0]}, '
+        'replayed DutyWritten {"stamp_s":5.0,"duty":[-0.0]}'
+    )
+
+
 def test_the_first_difference_has_both_values_to_the_last_bit() -> None:
     """The least difference that a number can have is one."""
     comparison = Comparison()
