@@ -6,22 +6,23 @@ What a program needs is the error's ``kind``, whose meaning names the remedy's m
 import ast
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-import chefbotd
+from tests.sentences import ROOT, modules
 
-ROOT = Path(chefbotd.__file__).parent
 NOT_ON_THE_PAGE = re.compile(
     r"(cli|client|process|settings|snapshot|testing)\b"
     r"|components/(doctor|flash|new_robot|simulation|\w+/cli|\w+/(component|client_methods)|recording/(replay|encoder)|calibration/calibrated_file|tuning/gains_file)\b"
     r"|rpc/(jsonrpc|access|parameters)\.py|transport/web/server\.py"
 )
-"""What is read on a terminal, in a recording or as HTTP; and what the kinds of errors mean, which is for programs."""
+"""What is read on a terminal, in a recording or as HTTP."""
 
 UNSEEN = {"ValueError", "TypeError", "Field", "Meta", "debug", "info", "warning", "error"}
-"""Calls whose texts the page never shows: bad configuration, the descriptions of models, the log."""
+"""Calls whose texts the page never shows: bad configuration, the descriptions of models, the log.
+
+Nor does it show what the kinds of errors mean.
+"""
 
 FOR_PROGRAMS = re.compile(
     r"[a-z0-9]_[a-z]|\bsend '?[a-z]+'?\b(?! it)|(?<!\w)\[[a-z]+\]|'[a-z]+' allows|\bchefbotctl\b"
@@ -37,7 +38,8 @@ def sentences(tree: ast.AST) -> Iterator[tuple[int, str]]:
     unseen: set[int] = set()
     for node in ast.walk(tree):
         docstring = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-        if docstring or (isinstance(node, ast.Call) and _name(node.func) in UNSEEN):
+        kinds = isinstance(node, ast.ClassDef) and "CodedKind" in map(_name, node.bases)
+        if docstring or kinds or (isinstance(node, ast.Call) and _name(node.func) in UNSEEN):
             unseen.update(id(each) for each in ast.walk(node))
     for node in ast.walk(tree):
         is_text = isinstance(node, ast.Constant) and isinstance(node.value, str)
@@ -53,9 +55,9 @@ def test_no_sentence_names_a_parameter_a_method_or_a_key() -> None:
     """Refusals, reasons of stops, of goals and of devices: whatever the page can show says what to do in words."""
     found = [
         f"{path.relative_to(ROOT)}:{line}: {text}"
-        for path in sorted(ROOT.rglob("*.py"))
+        for path, module in modules()
         if not NOT_ON_THE_PAGE.match(str(path.relative_to(ROOT)))
-        for line, text in sentences(ast.parse(path.read_text()))
+        for line, text in sentences(module)
         if FOR_PROGRAMS.search(PLACE.sub("", text))
     ]
     assert found == []
