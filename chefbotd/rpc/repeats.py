@@ -28,10 +28,11 @@ class RepeatableRequest(Struct):
     def of(cls, line: bytes | bytearray, request: Request) -> Self | None:
         """The request that this line was parsed as; None where no other line is recognized by it.
 
-        Its method must have no parameter that is called ``id``.
+        Its method must have no parameter that is called ``id``. Where characters are escaped, another key
+        may be the request's id.
         """
         parts = _ID.split(line)
-        if len(parts) != 4 or request.id != int(parts[2]):
+        if len(parts) != 4 or request.id != int(parts[2]) or b"\\u" in line:
             return None
         before, name, _, behind = parts
         return cls(request, bytes(before + name), bytes(behind))

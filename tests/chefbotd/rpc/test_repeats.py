@@ -90,10 +90,11 @@ def test_another_line_is_not_recognized(line: bytes) -> None:
         b'{"jsonrpc":"2.0","id":-7,"method":"drive"}',
         b'{"jsonrpc":"2.0","id":7,"method":"drive","params":{"id":8}}',
         b'{"jsonrpc":"2.0","method":"drive","params":{"id":8}}',
+        rb'{"jsonrpc":"2.0","\u0069d":8,"method":"drive","params":{"id":8}}',
     ],
 )
 def test_a_line_without_one_plain_id_is_no_pattern(line: bytes) -> None:
-    """A notification, an id that is text, one below zero, two members of this name, one that is a parameter's."""
+    """A notification, an id that is text, one below zero, two of this name, a parameter's, one beside an escaped one."""
     assert repeatable_of(line) is None
 
 
