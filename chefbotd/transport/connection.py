@@ -322,6 +322,7 @@ class SocketConnection(asyncio.Protocol):
         self._outbox.close(self._framing.goodbye())
 
     def abort(self) -> None:
-        """Close now."""
+        """Close now. Nothing follows what the transport throws away."""
         self._enter(ConnectionEvent.CLOSE)
+        self._outbox.shut()
         self._transport.abort()

@@ -63,6 +63,18 @@ def test_an_event_is_encoded_once_for_all_clients() -> None:
     run_virtual(scenario())
 
 
+def test_nothing_is_sent_once_the_connection_is_closed_at_once() -> None:
+    """Its transport throws a half line away: an event behind that would be read as the end of the line."""
+
+    async def scenario() -> None:
+        connection, transport, _ = connected()
+        connection.abort()
+        connection.send_event(text(b"{}"), latest=True)
+        assert (transport.aborted, transport.written) == (True, [])
+
+    run_virtual(scenario())
+
+
 def test_a_request_is_answered_in_the_call_that_brings_it() -> None:
     """A stop has reached the robot, and its answer the socket, when ``data_received`` returns."""
 
