@@ -48,7 +48,8 @@ def cache_folder(environment: Mapping[str, str]) -> Path:
     """``CacheDirectory=`` of the unit (systemd.exec(5)), else XDG's folder for caches."""
     if given := environment.get("CACHE_DIRECTORY"):
         return Path(given.split(":")[0])
-    return Path(environment.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "chefbotd"
+    own = environment.get("XDG_CACHE_HOME", "")
+    return (Path(own) if own.startswith("/") else Path.home() / ".cache") / "chefbotd"
 
 
 @cache
@@ -71,10 +72,10 @@ def read_core(sources: Path, cached: Path) -> bytes:
     """
     kept = cached / f"firmware-{_fingerprint(sources)}.so"
     for path in (sources / LIBRARY, kept):
-        with suppress(FileNotFoundError, NotADirectoryError):
+        with suppress(OSError):
             return path.read_bytes()
     core = compile_core(sources)
-    with suppress(OSError):  # where the cache cannot be written, the next program compiles again
+    with suppress(OSError):  # where the cache cannot be read or written, the next program compiles again
         kept.parent.mkdir(parents=True, exist_ok=True)
         replace_file(kept, core)
     return core

@@ -142,6 +142,15 @@ def test_a_cache_that_cannot_be_written_costs_another_compilation(tmp_path: Path
     assert compile_core(sources)[:4] == b"\x7fELF"
 
 
+def test_a_cache_that_cannot_be_read_costs_another_compilation(tmp_path: Path, sources: Path):
+    """It lies in the home of somebody else: the library is compiled all the same."""
+    compiled = read_core(sources, tmp_path / "cache")
+    (kept,) = (tmp_path / "cache").iterdir()
+    kept.unlink()
+    kept.mkdir()  # the superuser can read any file, but no folder
+    assert read_core(sources, tmp_path / "cache") == compiled
+
+
 @pytest.mark.parametrize(
     ("environment", "folder"),
     [
@@ -150,11 +159,12 @@ def test_a_cache_that_cannot_be_written_costs_another_compilation(tmp_path: Path
             "/var/cache/chefbotd",
         ),
         ({"XDG_CACHE_HOME": "/x"}, "/x/chefbotd"),
+        ({"XDG_CACHE_HOME": "x"}, "~/.cache/chefbotd"),
         ({}, "~/.cache/chefbotd"),
     ],
 )
 def test_the_cache_is_the_services_or_the_users(environment: dict[str, str], folder: str):
-    """A service has its own folder; a user's is where XDG says."""
+    """A service has its own folder; a user's is where XDG says, which has to be an absolute path."""
     assert cache_folder(environment) == Path(folder).expanduser()
 
 
