@@ -178,7 +178,8 @@ class CompiledFirmware:
     def __del__(self) -> None:
         if (library := getattr(self, "_library", None)) is not None:
             _CLOSE(library._handle)
-            os.close(self._descriptor)
+        if (descriptor := getattr(self, "_descriptor", None)) is not None:
+            os.close(descriptor)
 
     def start(self, cause: int, micros: int) -> None:
         """Begin the program now, at this reading of its clock."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from chefbotd.components.simulation import compiled_firmware
 from chefbotd.components.simulation.compiled_firmware import (
     LIBRARY,
     CompiledFirmware,
@@ -166,6 +167,16 @@ def test_a_cache_that_cannot_be_read_costs_another_compilation(tmp_path: Path, s
 def test_the_cache_is_the_services_or_the_users(environment: dict[str, str], folder: str):
     """A service has its own folder; a user's is where XDG says, which has to be an absolute path."""
     assert cache_folder(environment) == Path(folder).expanduser()
+
+
+def test_a_library_that_cannot_be_loaded_leaves_no_file_open(monkeypatch: pytest.MonkeyPatch):
+    """It is of another kind of computer, or damaged."""
+    monkeypatch.setattr(compiled_firmware, "load_core", lambda: b"no library")
+    before = set(Path("/proc/self/fd").iterdir())
+    with pytest.raises(OSError, match="file too short"):
+        CompiledFirmware(BYTE_US)
+    gc.collect()
+    assert set(Path("/proc/self/fd").iterdir()) <= before
 
 
 def test_a_wheel_that_turns_evenly_is_the_same_in_one_call_and_in_many():
