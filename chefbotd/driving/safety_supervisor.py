@@ -357,6 +357,9 @@ class SafetySupervisor(StatefulPart[SupervisorState]):
             lost = Sentence("driving.link_lost", "the link was lost: {why}", why=why)
             self.fail(Fault(FaultKind.LINK_LOST, lost))
         else:
+            self.own_state.silence = (
+                EncoderTimeoutState()
+            )  # the restart explains it, no wait for an echo does
             restarted = Sentence("driving.board_restarted", "the board restarted: {why}", why=event.cause)
             self.fail(Fault(FaultKind.BOARD_RESTARTED, restarted))
             self._recover(Sentence("driving.board_back", "the board is back"))

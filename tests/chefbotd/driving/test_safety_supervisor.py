@@ -111,6 +111,22 @@ def test_a_restarted_board_is_left_by_arm_or_by_itself(rearm: Rearm, armed: bool
     assert kept.keeper.armed is armed
 
 
+def test_the_silence_of_a_restart_is_no_wait_for_an_echo() -> None:
+    """A board that restarts is silent for half a second, and has no range at first: its next silence stops the robot."""
+    kept = Kept()
+    kept.read(0.1, (0.0, 0.0))
+    kept.clock.advance(0.3)
+    kept.keeper.on_link(BoardRestarted(kept.clock.now_s(), "it said so"))
+    kept.read(0.2, (0.0, 0.0))
+    now_s = kept.clock.now_s()
+    kept.bus.publish(RangeMeasured(now_s, now_s, "front", RangeStatus.NO_ECHO, None, 0.02, 4.0, 0.26))
+    kept.keeper.arm()
+    kept.clock.advance(0.26)
+    kept.keeper.accept(Command("teleop", TWIST, kept.clock.now_s()), ANN)
+    decision = kept.keeper.decide(kept.clock.now_s(), driven=True)
+    assert (decision.halted, decision.limited_by) == (True, "encoders_stale")
+
+
 def test_arm_clears_what_it_names_and_nothing_that_latched_after_it() -> None:
     """A fault, and an e-stop just before its arm: that one holds, until the arm that names it."""
     kept = Kept()
