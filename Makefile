@@ -109,10 +109,10 @@ build/roslib/ready: $(ROS2)/tests/roslib/package.json
 	npm install --prefix build/roslib --no-package-lock --no-audit --no-fund --silent
 	@touch $@
 
-# What the add-ons' tests drive and are judged by, from Debian's packages and npm.
-addons-tools:  ## Install what the tests of the add-ons need: a broker, another maker's fleet manager, voices, a browser
+# What the add-ons' tests drive and are judged by, from Debian's packages and npm; and Boost, which a benchmark's search is held against.
+addons-tools:  ## Install what the tests of the add-ons need: a broker, another maker's fleet manager, voices, a browser, Boost
 	apt-get -o DPkg::Lock::Timeout=300 update -qq
-	DEBIAN_FRONTEND=noninteractive RUNLEVEL=1 apt-get -o DPkg::Lock::Timeout=300 install -y -qq --no-install-recommends mosquitto espeak-ng flite alsa-utils chromium cmake g++
+	DEBIAN_FRONTEND=noninteractive RUNLEVEL=1 apt-get -o DPkg::Lock::Timeout=300 install -y -qq --no-install-recommends mosquitto espeak-ng flite alsa-utils chromium cmake g++ libboost-dev
 	npm install --silent --no-save --prefix build/addons-tools vda-5050-lib@1.4.0
 
 # The tests of the firmware are to fail, not to skip, where a compiler or an emulator is missing.
